@@ -11,8 +11,9 @@ from flexgram import moved
 from flexgram.basics import BodyError, ReductionWarning
 from flexgram.body.bodyfile import write_matrices
 from flexgram.body.description import import_body
-from flexgram.body.laws import circulatory, coriolis, loss, parameter, prony, spin, table, viscous
+from flexgram.body.laws import circulatory, loss, prony, table, viscous
 from flexgram.body.matrices import Matrices
+from flexgram.body.varying_laws import coriolis, parameter, product, spin
 from flexgram.importers.mesh import import_mesh
 from flexgram.reduced_model import ReducedModel
 from flexgram.reduction.direct import reduce
@@ -38,6 +39,7 @@ __all__ = [
     "importers",
     "loss",
     "parameter",
+    "product",
     "prony",
     "reduce",
     "spin",

@@ -8,10 +8,8 @@ Law read_law(const Hdf5File& file, const std::string& object, const std::string&
   try {
     const std::string kind = file.text_attribute(object, "law");
     LawNumbers numbers;
-    for (const auto& [known, maker] : law_makers())
-      if (known == kind)
-        for (const std::string& number : maker->numbers)
-          numbers[number] = file.numbers_attribute(object, number);
+    for (const std::string& number : numbers_of_law(kind))
+      numbers[number] = file.numbers_attribute(object, number);
     Law law(name, kind, numbers);
     if (!law.is_named())
       throw Error(

@@ -1,5 +1,5 @@
 /// The laws of terms in body files and reduced files: D and S by their names, others as attributes
-/// of /terms/NAME, which holds the matrix: `law` (prony, table) and its numbers.
+/// of /terms/NAME, which holds the matrix: `law` (prony, table, parameter*prony) and its numbers.
 
 #pragma once
 

@@ -16,8 +16,12 @@ constexpr int most_regions = 7, most_halvings = 14;
 constexpr int along_omega = 4, along_parameters = 4;
 /// About so much work at most on each rank [flops].
 constexpr double most_work = 1e11;
-/// It ends early if, after this share of it, what is done says that all takes so many times more.
-constexpr double first_look = 0.1, hopeless = 8;
+/// Every such share of it tells how much is left; it ends early where that is far too much.
+constexpr double look_every = 0.1;
+
+/// So many times the most work may be left, as the last share tells, after `spent` times it: the next
+/// regions may be easier, of which there are fewer and fewer.
+double hopeless(double spent) { return 0.7 / spent; }
 
 } // namespace
 
@@ -25,15 +29,21 @@ struct ErrorBetween::Search {
   double limit = 0;
   double work = 0; ///< that was done
   double done = 0; ///< share of the rank's regions
+  double last_look = 0, done_then = 0;
   bool given_up = false;
   Supremum found;
 
   /// @return whether it goes on.
   bool take(double more) {
     work += more;
-    const bool is_hopeless =
-        work > first_look * most_work && work > hopeless * most_work * done;
-    if (work > most_work || is_hopeless) given_up = true;
+    if (work > last_look + look_every * most_work) {
+      const double lately = done - done_then, spent = work - last_look;
+      if ((1 - done) * spent > hopeless(work / most_work) * most_work * lately)
+        given_up = true;
+      last_look = work;
+      done_then = done;
+    }
+    if (work > most_work) given_up = true;
     found.proved = found.proved && !given_up;
     return found.proved;
   }

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 #include <type_traits>
 
@@ -114,11 +115,14 @@ void archive_integrals(Archive&& a, Integrals& i) {
     for (std::size_t c = 0; c < 3 && c < centre.size(); ++c) i.centre[c] = centre[c];
 }
 
-/// Numbers of a law, those of one name a column.
+/// Numbers of a law, those of one name a column; NaN after the last of a short one.
 Dense columns_of(const LawNumbers& numbers) {
   if (numbers.empty()) return {};
-  Dense columns(static_cast<int>(numbers.begin()->second.size()),
-                static_cast<int>(numbers.size()));
+  std::size_t most = 0;
+  for (const auto& [name, values] : numbers) most = std::max(most, values.size());
+  Dense columns(static_cast<int>(most), static_cast<int>(numbers.size()));
+  std::fill(columns.data.begin(), columns.data.end(),
+            std::numeric_limits<double>::quiet_NaN());
   int j = 0;
   for (const auto& [name, values] : numbers)
     std::copy(values.begin(), values.end(), columns.column(j++));
@@ -126,9 +130,8 @@ Dense columns_of(const LawNumbers& numbers) {
 }
 
 Law law_of(const std::string& name, const std::string& kind, const Dense& columns) {
-  std::set<std::string> names;
-  for (const auto& [known, maker] : law_makers())
-    if (known == kind) names.insert(maker->numbers.begin(), maker->numbers.end());
+  const auto all = numbers_of_law(kind);
+  const std::set<std::string> names(all.begin(), all.end());
   if (names.size() != as_size(columns.columns))
     throw Error(text("law %s has %d columns of numbers: it is damaged", kind.c_str(),
                      columns.columns));
@@ -136,7 +139,8 @@ Law law_of(const std::string& name, const std::string& kind, const Dense& column
   int j = 0;
   for (const std::string& number : names) {
     const double* values = columns.column(j++);
-    numbers[number].assign(values, values + columns.rows);
+    numbers[number].assign(values, std::find_if(values, values + columns.rows,
+                                                [](double x) { return std::isnan(x); }));
   }
   return {name, kind, numbers};
 }

@@ -2,6 +2,7 @@
 
 #include "base/error.hpp"
 #include "base/text.hpp"
+#include "model/product_law.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -19,25 +20,53 @@ const LawMaker& maker_of(const std::string& kind) {
                    nearest(kind, known).c_str(), join(known).c_str()));
 }
 
-std::unique_ptr<LawKind> made(const std::string& kind, const LawNumbers& numbers) {
-  const LawMaker& maker = maker_of(kind);
-  for (const std::string& name : maker.numbers) {
+/// The kind of the other law of a product; empty: it is none.
+std::string factor_of(const std::string& kind) {
+  const std::string prefix = product_prefix;
+  if (kind.compare(0, prefix.size(), prefix) != 0) return {};
+  return kind.substr(prefix.size());
+}
+
+/// Lists of finite numbers of one length.
+void expect_numbers(const std::string& kind, const std::vector<std::string>& names,
+                    const char* help, const LawNumbers& numbers) {
+  for (const std::string& name : names) {
     const auto found = numbers.find(name);
     if (found == numbers.end())
-      throw Error(
-          text("law %s has no %s: it is %s", kind.c_str(), name.c_str(), maker.help));
+      throw Error(text("law %s has no %s: it is %s", kind.c_str(), name.c_str(), help));
     for (double x : found->second)
       if (!std::isfinite(x))
         throw Error(text("law %s: %s holds %g", kind.c_str(), name.c_str(), x));
-    if (found->second.size() != numbers.at(maker.numbers.front()).size())
+    if (found->second.size() != numbers.at(names.front()).size())
       throw Error(text("law %s: %s has %zu numbers, %s %zu", kind.c_str(), name.c_str(),
-                       found->second.size(), maker.numbers.front().c_str(),
-                       numbers.at(maker.numbers.front()).size()));
+                       found->second.size(), names.front().c_str(),
+                       numbers.at(names.front()).size()));
   }
+}
+
+std::unique_ptr<LawKind> made(const std::string& kind, const LawNumbers& numbers) {
+  if (const std::string factor = factor_of(kind); !factor.empty()) {
+    expect_numbers(kind, numbers_of_products(), "a parameter times another law", numbers);
+    return product_of(made(factor, numbers), kind, numbers);
+  }
+  const LawMaker& maker = maker_of(kind);
+  expect_numbers(kind, maker.numbers, maker.help, numbers);
   return maker.make(numbers);
 }
 
 } // namespace
+
+std::vector<std::string> numbers_of_law(const std::string& kind) {
+  std::vector<std::string> names;
+  const std::string factor = factor_of(kind);
+  if (!factor.empty()) names = numbers_of_products();
+  for (const auto& [known, maker] : law_makers())
+    if (known == (factor.empty() ? kind : factor))
+      names.insert(names.end(), maker->numbers.begin(), maker->numbers.end());
+  return names;
+}
+
+bool Law::is_product() const { return !factor_of(kind_name_).empty(); }
 
 double LawSeries::beyond_linear() const {
   double sum = rest;

@@ -54,7 +54,7 @@ public:
   /// skew and g is real.
   virtual bool is_semidefinite() const { return !is_skew(); }
   /// The parameter that g depends on, known between two numbers `least` and `most`, with a `value`
-  /// now; empty: none. @param term  the name of T.
+  /// now; empty: none. Several terms can depend on one. @param term  the name of T.
   virtual std::string parameter(const std::string& /*term*/) const { return {}; }
   /// Coefficients of t^k in g over g at the most, the parameter being centre + half t: what it is of
   /// the parameter, whatever ω.
@@ -79,6 +79,10 @@ struct LawMaker {
 
 /// All kinds by name.
 const std::vector<std::pair<std::string, const LawMaker*>>& law_makers();
+
+/// Names of the numbers that a kind is made of, or a product, "parameter*prony"; none of a kind that
+/// is none.
+std::vector<std::string> numbers_of_law(const std::string& kind);
 
 /// The factor g(ω) of a term g(ω)T of A(ω), with the name of T in files and messages: iω of
 /// dampers D, i of the imaginary part S of a stiffness, and those of viscoelastic materials.
@@ -119,6 +123,8 @@ public:
   }
   /// Whether a stiffness is itself what is known between two numbers only.
   bool is_parameter() const { return kind_name_ == "parameter"; }
+  /// Whether it is a parameter times another law (`product_law`).
+  bool is_product() const;
   /// A number that the law has one of. @pre it has.
   double number(const std::string& name) const;
   /// The same law with another number.

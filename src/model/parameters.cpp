@@ -19,8 +19,9 @@ double value_at(const Law& parameter, double share) {
   const double least = parameter.number("least"), most = parameter.number("most");
   if (share == 0) return least;
   if (share == 1) return most;
-  return parameter.is_parameter() && least > 0 ? least * std::pow(most / least, share)
-                                               : least + share * (most - least);
+  const bool by_ratios = parameter.is_parameter() || parameter.is_product();
+  return by_ratios && least > 0 ? least * std::pow(most / least, share)
+                                : least + share * (most - least);
 }
 
 /// Calls visit with all combinations of `count` numbers 0 … count − 1, while it returns true.
@@ -44,8 +45,6 @@ std::size_t place_among(std::vector<Law>& laws, const Law& law) {
     laws.push_back(law);
     return place;
   }
-  if (law.is_parameter() || laws[place].is_parameter())
-    throw Error(text("two terms are of a parameter %s", name.c_str()));
   for (const char* number : {"least", "most", "value"})
     if (law.number(number) != laws[place].number(number))
       throw Error(text("terms %s and %s: %s of %s is %g and %g",

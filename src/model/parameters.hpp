@@ -37,8 +37,8 @@ void set_parameters(std::vector<Term<MatrixType>>& terms, const ParameterValues&
 ParameterValues values_of(const std::vector<Law>& parameters);
 
 /// The values that they have, then others that show the box: all combinations of `each` values of
-/// each parameter from its least to its most, evenly spaced: of a stiffness on a logarithmic scale
-/// where the least is positive, else on a linear one. @param each  0: 5 of one parameter, 3 of two, else 2.
+/// each parameter from its least to its most, evenly spaced: of a speed on a linear scale, and of
+/// others where the least is not positive; else on a logarithmic one. @param each  0: 5 of one parameter, 3 of two, else 2.
 std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters,
                                               int each);
 

@@ -43,6 +43,11 @@ def _parameter(i: Any, w: Any, p: Any, least: Any, slope: Any, loss: Any, beta: 
     return slope * (one * p - one * least) * (1 + i * (loss + beta * w))
 
 
+def _product(i: Any, w: Any, p: Any, slope: Any, law: str, *numbers: Any) -> Any:
+    one = 1 + 0 * w
+    return one * p * (one * slope) * _LAWS[law](i, w, *numbers)
+
+
 def _spin(i: Any, w: Any, speed: Any, least: Any, power: int) -> Any:
     one = 1 + 0 * w
     return (one * speed) ** power - (one * least) ** power
@@ -56,6 +61,9 @@ _LAWS = {
     "prony": _prony,
     "table": _table,
     "parameter": _parameter,
+    "product": _product,
+    "viscous": lambda i, w: i * w,
+    "structural": lambda i, w: i + 0 * w,
     "spin": _spin,
     "coriolis": _coriolis,
     "circulatory": lambda i, w: 1 + 0 * w,
@@ -81,7 +89,8 @@ class System:
     output_eta: Any = 0.0
     S: Any = None  #: the imaginary part of the stiffness
     #: g(ω)T in addition: (T, "prony", g, tau), (T, "table", omega, storage, loss) or
-    #: (T, "parameter", p, least, slope, loss, beta), (T, "spin", speed, least, power),
+    #: (T, "parameter", p, least, slope, loss, beta), (T, "product", p, slope, law, *numbers),
+    #: (T, "spin", speed, least, power),
     #: (T, "coriolis", speed)
     terms: Any = ()
 

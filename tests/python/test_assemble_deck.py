@@ -20,7 +20,7 @@ from test_loss_factors import stored
 from bodies import CALCULIX, box
 from conftest import ROOT, assembled, read_sparse, run
 from flexgram import BodyError, ReducedModel
-from flexgram.body.laws import law_of
+from flexgram.body.terms import law_of
 from flexgram.importers import parse
 from flexgram.importers.assemble import assemble_deck
 from flexgram.importers.ccx import damping_of, read_job

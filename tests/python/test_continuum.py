@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 import scipy.linalg as sl
 import scipy.sparse as sp
+from audit_cases import CLASSES, DAMPINGS, random_case
 
-from audit import CLASSES, DAMPINGS, examine, random_case
+from audit import examine
 from conftest import ENVIRONMENT, ROOT, rom_matrices, rom_system, run
 from flexgram import write_matrices
 from referee import TWO_PI, System, hard_frequencies, relative_error

@@ -17,7 +17,8 @@ import flexgram
 from flexgram import BodyError, Matrices, ReducedModel
 from flexgram.assembly.couple import couple, read_joint, verdict
 from flexgram.assembly.joints import Joint
-from flexgram.body.laws import Law, Parameter, Table
+from flexgram.body.laws import Law, Table
+from flexgram.body.varying_laws import Parameter
 
 TIES = [Joint("p0.b", "p1.a", ["x", "y", "z"])]
 SPRINGS = [Joint("p0.b", "p1.a", stiffness=dict.fromkeys("xyz", 4.0), loss=0.2)]
@@ -198,6 +199,34 @@ def test_springs_known_between_two_numbers() -> None:
         assert worst(at, parts, fixed, [soft, None], rng) <= whole.certified_error
 
 
+def test_a_damper_known_between_two_numbers(tmp_path: Path) -> None:
+    """Beside a spring that is, in the same direction; and with a part whose Prony term is of a
+    modulus that is a parameter: the claim holds against the full bodies, and a file keeps all."""
+    rng = np.random.default_rng(18)
+    parts = [Part(rng, flexgram.prony([0.5], [0.5]), eta=0.05), Part(rng, None, eta=0.01)]
+    known = flexgram.parameter(1.0, 3.0, 2.0)
+    relaxation = parts[0].law
+    assert relaxation
+    parts[0].law = flexgram.product(known, relaxation)
+    models = {f"p{i}": part.reduced(mor_parameter_values=2) for i, part in enumerate(parts)}
+    joint = Joint(
+        *("p0.b", "p1.a"),
+        stiffness={"x": flexgram.parameter(2.0, 8.0), "y": 3.0},
+        damping={"x": flexgram.parameter(0.1, 0.4), "z": 0.2},
+    )
+    whole = couple(models, [joint], keep=["p1.a"])
+    assert sorted(whole.system.parameters) == ["p0.b.x", "p0.b.x.damping", "p0.soft"]
+    assert whole.kind == "certified" and whole.certified_error < 0.05
+    whole.save(tmp_path / "whole.h5")
+    loaded = ReducedModel.load(tmp_path / "whole.h5")
+    for x, damper, soft in product((2.0, 8.0), (0.1, 0.4), (1.0, 3.0)):
+        at = loaded.at(**{"p0.b.x": x, "p0.b.x.damping": damper, "p0.soft": soft})
+        assert at.kind == "certified"
+        fixed = [replace(joint, stiffness={"x": x, "y": 3.0}, damping={"x": damper, "z": 0.2})]
+        parts[0].law = flexgram.product(replace(known, value=soft), relaxation)
+        assert worst(at, parts, fixed, [None, None], rng) <= whole.certified_error
+
+
 def test_springs_of_the_command_line() -> None:
     read = read_joint("--spring", "spring", "p0.b=ground:x=1e6..4e6,y=3,loss=0.1")
     assert read.parameters["p0.b.x"] == flexgram.parameter(1e6, 4e6, loss=0.1)
@@ -209,16 +238,20 @@ def test_springs_of_the_command_line() -> None:
     ):
         with pytest.raises(BodyError, match=words):
             read_joint("--spring", "spring", text)
-    with pytest.raises(BodyError, match="must be one number"):
-        read_joint("--damper", "damper", "p0.b=ground:x=1..2")
+    damper = read_joint("--damper", "damper", "p0.b=ground:x=100..400,y=5")
+    assert list(damper.parameters) == ["p0.b.x.damping"]
+    assert damper.damper("x") == 200 and damper.damper("y") == 5
+    assert damper.at({"p0.b.x.damping": 300.0}).damping == {"x": 300.0, "y": 5}
 
 
 def test_what_assemblies_do_not_take() -> None:
     rng = np.random.default_rng(15)
     models = {"p1": Part(rng, None).reduced(1e-3)}
     spring = Joint("p1.b", "ground", stiffness={"x": flexgram.parameter(1.0, 2.0)})
-    with pytest.raises(BodyError, match=r"two stiffnesses of the assembly are named p1\.b\.x"):
+    with pytest.raises(BodyError, match=r"two parameters of the assembly are named p1\.b\.x"):
         couple({"p1": models["p1"]}, [spring, spring], keep=["p1.b"])
     lossy = Joint("p1.b", "ground", stiffness={"x": flexgram.parameter(1.0, 2.0, loss=0.1)})
-    with pytest.raises(BodyError, match="x is a stiffness: give its loss factor as that of the"):
+    with pytest.raises(
+        BodyError, match="x is a stiffness, or a damping: give no slope, and a loss"
+    ):
         couple({"p1": models["p1"]}, [lossy], keep=["p1.b"])

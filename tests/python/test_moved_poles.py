@@ -8,8 +8,8 @@ import pytest
 import scipy.sparse as sp
 
 import flexgram
-from audit import _reduced
-from flexgram.body.laws import Coriolis, Spin
+from audit import reduced_system
+from flexgram.body.varying_laws import Coriolis, Spin
 from referee import System, relative_error
 
 N, SPEED = 40, 100.0
@@ -60,5 +60,5 @@ def test_the_claim_holds_at_poles_that_a_spin_moves(seed: int) -> None:
     assert len(at_poles) > 3
     for k in at_poles:
         omega = float(curve.omega[k])
-        error = relative_error(full, _reduced(small), omega, "pointwise", exactly=True)
+        error = relative_error(full, reduced_system(small), omega, "pointwise", exactly=True)
         assert error <= curve.bound[k] <= curve.supremum

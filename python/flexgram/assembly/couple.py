@@ -17,7 +17,8 @@ from flexgram.assembly.claim import AssemblyBound, verdict
 from flexgram.assembly.joints import GROUND, PORTS, Joint, Parts, common_bands, tied
 from flexgram.assembly.varying import combinations, parameters_of, with_values
 from flexgram.basics import BodyError, Floats, written_aside
-from flexgram.body.laws import Parameter, Term, parameter
+from flexgram.body.terms import Term
+from flexgram.body.varying_laws import Parameter, parameter
 from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 from flexgram.reduced_model import ReducedModel
@@ -27,7 +28,7 @@ __all__ = ["GROUND", "PORTS", "AssemblyBound", "Joint", "couple", "read_joint", 
 
 def read_joint(option: str, kind: str, text: str) -> Joint:
     """A joint of the command line: ``a.eye=b.pin``, with ``:x,y`` (kind ``join``) or ``:x=1e6``
-    (``spring``, ``damper``; of springs ``loss=0.1`` too, and ``x=1e6..3e6`` is a parameter)."""
+    (``spring``, ``damper``; of springs ``loss=0.1`` too; ``x=1e6..3e6`` is a parameter)."""
     ends, _, more = text.partition(":")
     first, equals, second = (word.strip() for word in ends.partition("="))
     if not equals or "." not in first or ("." not in second and second != GROUND):
@@ -46,7 +47,7 @@ def read_joint(option: str, kind: str, text: str) -> Joint:
             values[direction] = [np.nan]
         if not all(0 < number < np.inf for number in values[direction]):
             raise BodyError(f"{option} {text}: {word} must be a direction and a positive number")
-        varies = kind == "spring" and direction != "loss"
+        varies = direction != "loss"
         if (
             len(values[direction]) > 1 + varies
             or sorted(set(values[direction])) != values[direction]
@@ -58,13 +59,13 @@ def read_joint(option: str, kind: str, text: str) -> Joint:
     loss = values.pop("loss", [0.0])[0] if kind == "spring" else 0.0
     if not values:
         raise BodyError(f"{option} {text}: expected :x=1e6 and so on, by direction")
+    by_direction = {
+        direction: parameter(*ends) if len(ends) > 1 else ends[0]
+        for direction, ends in values.items()
+    }
     if kind == "spring":
-        springs = {
-            direction: parameter(*ends) if len(ends) > 1 else ends[0]
-            for direction, ends in values.items()
-        }
-        return Joint(first, second, stiffness=springs, loss=loss)
-    return Joint(first, second, damping={direction: x for direction, (x,) in values.items()})
+        return Joint(first, second, stiffness=by_direction, loss=loss)
+    return Joint(first, second, damping=by_direction)
 
 
 def couple(
@@ -205,7 +206,12 @@ def _joined(
                 spring = law.least * (1 + 1j * joint.loss)
                 terms.append(Term(name, law, square))
             K, S = K + spring.real * square, S + spring.imag * square
-            D += joint.damping.get(direction, 0.0) * square
+            damper = joint.damping.get(direction, 0.0)
+            if isinstance(damper, Parameter):
+                name += ".damping"
+                terms.append(Term(name, joint.parameters[name], square))
+            else:
+                D += damper * square
     return K, D, S, terms, rows
 
 

@@ -10,7 +10,9 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.laws import Parameter, Term
+from flexgram.body.laws import viscous
+from flexgram.body.terms import Term
+from flexgram.body.varying_laws import Parameter, Product, product
 from flexgram.model.internal_variables import rounding_of_variables, with_internal_variables
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.response import expect_collocated
@@ -20,6 +22,11 @@ GROUND = "ground"
 TURNED = 1e-12
 #: Directions of a joint by the ports that move in them.
 PORTS = {"x": "fx", "y": "fy", "z": "fz", "rx": "mx", "ry": "my", "rz": "mz"}
+
+
+def _now(known: Mapping[str, float | Parameter], direction: str) -> float:
+    value = known.get(direction, 0.0)
+    return value.value if isinstance(value, Parameter) else value
 
 
 @dataclass
@@ -33,9 +40,9 @@ class Joint:
     directions : sequence of str
         Out of ``x y z rx ry rz``, in the axes of the assembly; empty: those that both have.
     stiffness, damping : dict
-        [N/m], [N m/rad] and [N s/m], [N m s/rad] by direction; both empty: tied. A stiffness that
-        is known between two numbers is ``flexgram.parameter(least, most)``: a parameter
-        ``part.interface.direction`` of the assembly.
+        [N/m], [N m/rad] and [N s/m], [N m s/rad] by direction; both empty: tied. One that is known
+        between two numbers is ``flexgram.parameter(least, most)``: a parameter of the assembly,
+        ``part.interface.direction`` of a stiffness, ``part.interface.direction.damping``.
     loss : float
         Loss factor of the stiffness.
     """
@@ -44,7 +51,7 @@ class Joint:
     second: str
     directions: Sequence[str] = ()
     stiffness: Mapping[str, float | Parameter] = field(default_factory=dict)
-    damping: Mapping[str, float] = field(default_factory=dict)
+    damping: Mapping[str, float | Parameter] = field(default_factory=dict)
     loss: float = 0.0
 
     @property
@@ -53,17 +60,26 @@ class Joint:
 
     def complex_stiffness(self, direction: str) -> complex:
         """k (1 + i loss); of a parameter the present value."""
-        known = self.stiffness.get(direction, 0.0)
-        k = known.value if isinstance(known, Parameter) else known
-        return k * (1 + 1j * self.loss)
+        return _now(self.stiffness, direction) * (1 + 1j * self.loss)
+
+    def damper(self, direction: str) -> float:
+        """The damping; of a parameter the present value."""
+        return _now(self.damping, direction)
 
     @property
-    def parameters(self) -> dict[str, Parameter]:
-        """Of its stiffness, by their names in the assembly."""
+    def parameters(self) -> dict[str, Parameter | Product]:
+        """Of its stiffness and damping, by their names in the assembly."""
         return {
-            f"{self.first}.{direction}": replace(known, loss=self.loss)
-            for direction, known in self.stiffness.items()
-            if isinstance(known, Parameter)
+            **{
+                f"{self.first}.{direction}": replace(known, loss=self.loss)
+                for direction, known in self.stiffness.items()
+                if isinstance(known, Parameter)
+            },
+            **{
+                f"{self.first}.{direction}.damping": product(known, viscous())
+                for direction, known in self.damping.items()
+                if isinstance(known, Parameter)
+            },
         }
 
     def at(self, values: Mapping[str, float]) -> Joint:
@@ -75,10 +91,16 @@ class Joint:
             For a value that is not between its two numbers.
         """
         known = {
-            name.rpartition(".")[2]: law.with_value(values.get(name, law.value), name).value
+            name.removeprefix(f"{self.first}."): law.with_value(
+                values.get(name, law.value), name
+            ).value
             for name, law in self.parameters.items()
         }
-        return replace(self, stiffness={**self.stiffness, **known})
+        return replace(
+            self,
+            stiffness={d: known.get(d, k) for d, k in self.stiffness.items()},
+            damping={d: known.get(f"{d}.damping", c) for d, c in self.damping.items()},
+        )
 
 
 def _rotation(turn: ArrayLike | None) -> Floats:
@@ -226,14 +248,14 @@ def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
         second = parts.has(joint.second)
         parts.expect_collocated(joint.second)
     own = {**joint.stiffness, **joint.damping}
-    for direction, known in joint.stiffness.items():
+    for direction, known in (*joint.stiffness.items(), *joint.damping.items()):
         if isinstance(known, Parameter) and (known.loss or known.slope != 1):
             raise BodyError(
-                f"{words}: {direction} is a stiffness: give its loss factor as that of the joint, "
-                "and no slope"
+                f"{words}: {direction} is a stiffness, or a damping: give no slope, and a loss "
+                "factor as that of the joint"
             )
-    springs = {d: k.least if isinstance(k, Parameter) else k for d, k in joint.stiffness.items()}
-    for direction, value in (*springs.items(), *joint.damping.items()):
+    for direction, known in (*joint.stiffness.items(), *joint.damping.items()):
+        value = known.least if isinstance(known, Parameter) else known
         if direction not in PORTS or (joint.directions and direction not in joint.directions):
             raise BodyError(
                 f"{words}: {direction} must be one of {', '.join(joint.directions or PORTS)}"

@@ -18,7 +18,7 @@ from flexgram.assembly.interval_series import Series, about
 from flexgram.assembly.pencil import DynamicStiffness, Pencil, tables_of
 from flexgram.assembly.small_gain import Loop
 from flexgram.basics import Floats
-from flexgram.body.laws import Term
+from flexgram.body.terms import Term
 from flexgram.model.reduced import ReducedBody
 
 
@@ -76,7 +76,7 @@ class LoopSeries:
         self.springs = [k for k in range(len(loop.ties)) if k not in self.ties]
         springs = [loop.ties[k] for k in self.springs]
         self.stiffness = np.array([joint.complex_stiffness(d) for d, joint in springs], complex)
-        self.damping = np.array([joint.damping.get(d, 0.0) for d, joint in springs])
+        self.damping = np.array([joint.damper(d) for d, joint in springs])
         G, b = parts.B @ self.S_in[self.ties].T, parts.B @ self.S_in[self.springs].T
         K, S = parts.K + (b * self.stiffness.real) @ b.T, parts.S + (b * self.stiffness.imag) @ b.T
         D = parts.D + (b * self.damping) @ b.T

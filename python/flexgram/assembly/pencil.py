@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from flexgram.assembly.interval_series import DEGREE, Series, about
 from flexgram.basics import ComplexArray, Floats
-from flexgram.body.laws import Table, Term
+from flexgram.body.laws import Table
+from flexgram.body.terms import Term
 
 #: A resonance of a half width below this, relative, is sharp.
 SHARPEST = 1e-6

@@ -214,7 +214,7 @@ class Loop:
         G, right = self.S_out @ H @ self.S_in.T, self.S_out.astype(complex)
         for k, (d, joint) in enumerate(self.ties):
             if not joint.ties:
-                Y = joint.complex_stiffness(d) + 1j * omega * joint.damping.get(d, 0.0)
+                Y = joint.complex_stiffness(d) + 1j * omega * joint.damper(d)
                 G[k], right[k] = Y * G[k], Y * right[k]
                 G[k, k] += 1
         Q = np.asarray(self.S_in.T @ np.linalg.solve(G, right), dtype=np.complex128)

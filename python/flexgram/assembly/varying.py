@@ -1,4 +1,4 @@
-"""Parameters of assemblies: stiffness of parts or springs that is known between two numbers."""
+"""Parameters of assemblies: stiffness and damping that are known between two numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from flexgram.assembly.joints import Joint
 from flexgram.basics import BodyError, Floats
-from flexgram.body.laws import Parameter, Varying
+from flexgram.body.varying_laws import Parameter, Product, Varying
 from flexgram.model.reduced import ReducedBody
 
 Body = TypeVar("Body", bound=ReducedBody)
@@ -21,15 +21,16 @@ MOST_COMBINATIONS = 32
 
 def parameters_of(
     models: Mapping[str, ReducedBody], joints: Sequence[Joint]
-) -> dict[str, Parameter]:
-    """``part.NAME`` of parts, ``part.interface.direction`` of springs.
+) -> dict[str, Parameter | Product]:
+    """``part.NAME`` of parts, ``part.interface.direction`` of springs, and with ``.damping`` of
+    dampers.
 
     Raises
     ------
     BodyError
         For two of one name.
     """
-    found: dict[str, Parameter] = {}
+    found: dict[str, Parameter | Product] = {}
     of_parts = [
         (f"{part}.{name}", law)
         for part, model in models.items()
@@ -37,15 +38,15 @@ def parameters_of(
     ]
     law: Varying
     for name, law in [*of_parts, *(pair for joint in joints for pair in joint.parameters.items())]:
-        if not isinstance(law, Parameter):
+        if not isinstance(law, (Parameter, Product)):
             raise BodyError(
                 f"{name} is a range of speeds, and assemblies take bodies with one: "
                 "model.at(speed=...), or flexgram at"
             )
         if name in found:
             raise BodyError(
-                f"two stiffnesses of the assembly are named {name}: two springs at one interface "
-                "can vary in different directions only"
+                f"two parameters of the assembly are named {name}: two springs at one interface "
+                "can vary in different directions only, and two dampers"
             )
         found[name] = law
     return found
@@ -63,7 +64,7 @@ def with_values(
     return parts, [joint.at(values) for joint in joints]
 
 
-def _evenly(law: Parameter, count: int) -> list[float]:
+def _evenly(law: Parameter | Product, count: int) -> list[float]:
     """From the least to the most, in equal ratios (in equal steps from zero)."""
     make = np.geomspace if law.least > 0 else np.linspace
     between = make(law.least, law.most, count)[1:-1]

@@ -16,7 +16,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, check_name, written_aside
-from flexgram.body.laws import Law, with_terms
+from flexgram.body.laws import Law
+from flexgram.body.terms import with_terms
 
 #: HDF5 1.8 to 1.10: thousands of port names do not fit into an attribute of older layouts.
 LAYOUT = ("v108", "v110")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from flexgram.basics import BodyError
-from flexgram.body.laws import Law, parameter
+from flexgram.body.laws import Law
 from flexgram.body.reader import Reader, short
+from flexgram.body.varying_laws import parameter
 
 PARAMETER = "parameter"
 

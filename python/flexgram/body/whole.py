@@ -18,8 +18,8 @@ from scipy.spatial import cKDTree
 from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.constraints import Constraints, rigid_rows
 from flexgram.body.discrete import Places, held_by_springs
-from flexgram.body.laws import law_of
 from flexgram.body.meshfile import SHELLS
+from flexgram.body.terms import law_of
 from flexgram.body.units import UNITS, doubt
 
 #: Nodes this close, relative to the size of the body, are meant to be one.

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, errors_of, expect_survival
-from flexgram.body.laws import law_of
+from flexgram.body.terms import law_of
 from flexgram.body.whole import summary
 from flexgram.model.damped_modes import natural_frequencies
 from flexgram.reduced_model import ReducedModel

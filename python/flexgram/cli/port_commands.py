@@ -33,12 +33,8 @@ def couple_options(parser: argparse.ArgumentParser) -> None:
             action="append",
             default=[],
             metavar=f"{where}:x=1e6,...",
-            help=f"between them, {unit} by direction"
-            + (
-                "; loss=0.1 among them: their loss factor; x=1e6..3e6: known between two numbers"
-                if what == "spring"
-                else ""
-            ),
+            help=f"between them, {unit} by direction; x=1e6..3e6: known between two numbers"
+            + ("; loss=0.1 among them: their loss factor" if what == "spring" else ""),
         )
     parser.add_argument(
         "--turn",

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError, expect_kept
-from flexgram.body.laws import Circulatory, Parameter
+from flexgram.body.laws import Circulatory
+from flexgram.body.varying_laws import Parameter
 from flexgram.model.reduced import ReducedBody
 
 __all__ = ["FORMATS", "export"]

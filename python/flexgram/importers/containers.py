@@ -13,7 +13,8 @@ import scipy.io
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, check_name, expect_survival, stored, whole_numbers
-from flexgram.body.laws import Law, loss, parameter, prony, table, viscous
+from flexgram.body.laws import Law, loss, prony, table, viscous
+from flexgram.body.varying_laws import parameter
 from flexgram.importers.fe import FeMatrices, symmetric, with_skew_part
 
 PETSC_MATRIX = 1211216

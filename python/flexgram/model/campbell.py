@@ -12,7 +12,7 @@ import scipy.optimize
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Bools, ComplexArray, Floats, Ints
-from flexgram.body.laws import SPEED, Coriolis, Spin
+from flexgram.body.varying_laws import SPEED, Coriolis, Spin
 from flexgram.model.system import System
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexgram.basics import Floats
-from flexgram.body.laws import Parameter
+from flexgram.body.varying_laws import Parameter, Product
 from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.system import System
@@ -41,11 +41,17 @@ def sensitivities(system: System) -> dict[str, Floats]:
     (p/ω) dω/dp = p slope φᵀTφ/(2ω²), at present values; (k,) by ``modes_of`` of these."""
     squares, modes = modes_of(system.at())
     heavy = np.isfinite(squares) & (squares > 1e-12 * np.abs(squares[np.isfinite(squares)]).max())
-    found = {}
+    found: dict[str, Floats] = {}
+    omega = np.sqrt(np.maximum(np.where(heavy, squares, 0), 0))
     for term in system.terms:
-        if isinstance(term.law, Parameter):
-            energy = np.diag(modes.T @ term.matrix @ modes) * term.law.slope * term.law.value
-            found[term.name] = np.where(heavy, energy / (2 * np.where(heavy, squares, 1)), 0)
+        law = term.law
+        if not isinstance(law, (Parameter, Product)):
+            continue
+        share = law.at(omega).real if isinstance(law, Product) else law.slope * law.value
+        energy = np.diag(modes.T @ term.matrix @ modes) * share
+        change = np.where(heavy, energy / (2 * np.where(heavy, squares, 1)), 0)
+        name = law.parameter(term.name)
+        found[name] = found[name] + change if name in found else change
     return found
 
 

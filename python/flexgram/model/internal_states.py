@@ -9,7 +9,8 @@ from typing import Self
 import numpy as np
 
 from flexgram.basics import Floats
-from flexgram.body.laws import Prony, Term
+from flexgram.body.laws import Prony
+from flexgram.body.terms import Term
 
 #: Eigenvalues of T, scaled to a unit diagonal, below this share of the largest are rounding.
 RANK = 1e-13

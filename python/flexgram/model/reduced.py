@@ -11,7 +11,8 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, errors_of, expect_survival, written_aside
-from flexgram.body.laws import Varying
+from flexgram.body.bodyfile import write_law
+from flexgram.body.varying_laws import Varying
 from flexgram.model.basis import Basis
 from flexgram.model.claim import Claim
 from flexgram.model.file import copy_file, read_fields
@@ -31,6 +32,10 @@ def _save_at(
         with h5py.File(place, "r+") as file:
             for name in terms:
                 del file[f"terms/{name}"]
+            for term in body.system.terms:
+                if term.name in terms:  # no parameter multiplies it any more
+                    file[f"terms/{term.name}"] = term.matrix
+                    write_law(file[f"terms/{term.name}"], term.law)
             if not len(file["terms"]):
                 del file["terms"]
             for name in ("K", "D", "S"):

@@ -11,16 +11,9 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats
-from flexgram.body.laws import (
-    Circulatory,
-    Coriolis,
-    Parameter,
-    Prony,
-    Spin,
-    Term,
-    Varying,
-    law_of,
-)
+from flexgram.body.laws import Circulatory, Loss, Prony, Viscous
+from flexgram.body.terms import Term, law_of
+from flexgram.body.varying_laws import Coriolis, Parameter, Product, Spin, Varying
 from flexgram.model.file import port_names
 from flexgram.model.internal_states import InternalStates
 from flexgram.model.kinds import ports_of
@@ -231,6 +224,15 @@ class System:
             law = law.with_value((values or {}).get(name, law.value), name)
             if isinstance(law, Coriolis):
                 D = D + law.value * term.matrix
+                continue
+            if isinstance(law, Product):
+                now = law.times * term.matrix
+                if isinstance(law.factor, Viscous):
+                    D = D + now
+                elif isinstance(law.factor, Loss):
+                    S = S + now
+                else:
+                    others.append(Term(term.name, law.factor, now))
                 continue
             assert isinstance(law, (Parameter, Spin))
             stiffer = law.stiffness * term.matrix

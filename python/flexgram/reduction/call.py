@@ -13,8 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, ReductionWarning, check_name
-from flexgram.body.laws import Term, with_terms
 from flexgram.body.matrices import Matrices
+from flexgram.body.terms import Term, with_terms
 from flexgram.reduced_model import ReducedModel
 from flexgram.reduction.options import NAMES
 

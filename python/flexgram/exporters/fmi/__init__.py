@@ -17,7 +17,8 @@ import numpy as np
 import scipy.linalg
 
 from flexgram.basics import BodyError, Floats, written_aside
-from flexgram.body.laws import Parameter, Term
+from flexgram.body.terms import Term
+from flexgram.body.varying_laws import Parameter
 from flexgram.model.internal_states import InternalStates
 from flexgram.model.kinds import unit_of
 from flexgram.model.physical import facts_of
