@@ -44,6 +44,12 @@ std::vector<std::int64_t> read_nodes(const Hdf5File& file, const std::string& ob
   return nodes;
 }
 
+bool Spring::has_varying_damping() const {
+  return std::any_of(terms.begin(), terms.end(), [](const MaterialTerm& term) {
+    return term.part == MaterialTerm::Part::damper;
+  });
+}
+
 namespace {
 
 bool has_line_section(ElementType type) {

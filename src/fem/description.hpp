@@ -57,7 +57,8 @@ struct MaterialTerm {
   enum class Part {
     whole, ///< all moduli
     shear, ///< the shear modulus of an isotropic material
-    bulk   ///< its bulk modulus
+    bulk,  ///< its bulk modulus
+    damper ///< the damping of a spring
   };
   Part part;
   Law law; ///< beside the stiffness that K holds
@@ -68,7 +69,10 @@ struct Spring {
   Place from, to;           ///< the second of as many nodes, or of one; empty: ground
   Dense stiffness, damping; ///< 6×6 over relative displacements and rotations, symmetric
   double loss = 0;          ///< factor η of the stiffness
-  std::vector<MaterialTerm> terms; ///< of the whole stiffness
+  std::vector<MaterialTerm> terms; ///< of the whole stiffness, or of the damping
+
+  /// Whether the damping is a term.
+  bool has_varying_damping() const;
 };
 
 /// A load that is the body's mass in a field of acceleration: uniform (gravity), e × x of

@@ -113,7 +113,8 @@ void read_discrete(const Hdf5File& file, BodyDescription& body) {
                        file.path().c_str(), object.c_str(), spring.loss));
     spring.terms = read_terms(file, object, name);
     for (const MaterialTerm& term : spring.terms)
-      if (term.part != MaterialTerm::Part::whole)
+      if (term.part != MaterialTerm::Part::whole &&
+          term.part != MaterialTerm::Part::damper)
         throw Error(text("file %s: %s: shear and bulk are parts of materials",
                          file.path().c_str(), object.c_str()));
     const auto ends = count(spring.to);

@@ -39,7 +39,8 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) : body_(body) {
   bool damps = false;
   for (const auto& [name, spring] : body.springs) {
     if (frobenius_norm(spring.stiffness) > 0) losses.insert(spring.loss);
-    damps = damps || frobenius_norm(spring.damping) > 0;
+    damps =
+        damps || (frobenius_norm(spring.damping) > 0 && !spring.has_varying_damping());
   }
   // Of stiffness by stress nothing is lost.
   const bool stressed = !body.preload.empty() || (body.spin && body.spin->turning),
@@ -49,7 +50,7 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) : body_(body) {
   for (const auto& [name, spring] : body.springs) {
     std::vector<Share>& shares = of_spring_[name];
     if (apart && spring.loss > 0) shares.push_back({0, spring.loss, {}});
-    if (frobenius_norm(spring.damping) > 0)
+    if (frobenius_norm(spring.damping) > 0 && !spring.has_varying_damping())
       shares.push_back({laws_.size(), 0, {}, spring.damping});
   }
   if (damps) laws_.emplace_back(Law::Kind::viscous);
@@ -63,8 +64,11 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) : body_(body) {
     return laws_.size() - 1;
   };
   for (const auto& [name, spring] : body.springs)
-    for (const MaterialTerm& term : spring.terms)
-      of_spring_[name].push_back({add(term.law, spring.loss), 1.0, {}});
+    for (const MaterialTerm& term : spring.terms) {
+      const bool damps_here = term.part == MaterialTerm::Part::damper;
+      of_spring_[name].push_back(
+          {add(term.law, spring.loss), 1.0, {}, damps_here ? spring.damping : Dense()});
+    }
   for (const std::string& name : used) {
     const Material& material = body.materials.at(name);
     std::vector<Share>& shares = of_material_[name];

@@ -44,11 +44,16 @@ std::vector<MaterialTerm> read_terms(const Hdf5File& file, const std::string& ob
                                      const std::string& material) {
   using Part = MaterialTerm::Part;
   std::vector<MaterialTerm> terms;
-  for (const auto& [name, part] :
-       {std::pair("whole", Part::whole), {"shear", Part::shear}, {"bulk", Part::bulk}}) {
+  for (const auto& [name, part] : {std::pair("whole", Part::whole),
+                                   {"shear", Part::shear},
+                                   {"bulk", Part::bulk},
+                                   {"parameter", Part::whole},
+                                   {"loss_factor", Part::whole},
+                                   {"damper", Part::damper}}) {
     const std::string group = object + "/" + name;
     if (!file.exists(group)) continue;
-    const std::string of = part == Part::whole ? material : material + "." + name;
+    const std::string of =
+        std::string(name) == "whole" ? material : material + "." + name;
     terms.push_back({part, read_law(file, group,
                                     file.has_attribute(group, "name")
                                         ? file.text_attribute(group, "name")
@@ -71,6 +76,10 @@ Material read_material(const Hdf5File& file, const std::string& name,
     throw Error(text("material %s: loss_factor = %g must be finite and not negative",
                      name.c_str(), material.loss));
   material.terms = read_terms(file, object, name);
+  for (const MaterialTerm& term : material.terms)
+    if (term.part == MaterialTerm::Part::damper)
+      throw Error(text("file %s: material %s: damper is a part of springs",
+                       file.path().c_str(), name.c_str()));
   std::array<double, 9> axes = {1, 0, 0, 0, 1, 0, 0, 0, 1}; // in its own
   const auto own = axes;
   try {

@@ -9,8 +9,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, check_name
-from flexgram.body.bodyfile import write_law
-from flexgram.body.parameters import PARAMETER, read_parameter
+from flexgram.body.parameters import PARAMETER, read_varying
 from flexgram.body.reader import Reader, short
 from flexgram.body.viscoelastic import KEY, read_orthotropic
 
@@ -214,32 +213,30 @@ def write_springs(
             raise BodyError(f"{entry.where}: stiffness is missing, or damping")
         for key in given:
             group.attrs[key] = _of_motion(entry, key, scale, ends).ravel()
-        if "loss_factor" in entry.data:
-            group.attrs["loss_factor"] = entry.loss_factor()
-        varies = _write_law(group, entry, str(name))
+        varies = _write_laws(group, entry, str(name))
         group.attrs["order"] = order
         many = f", {len(ends[0])} of them" if len(ends[0]) > 1 else ""
         told.append(f"spring {name}: {'to ground' if grounded else 'between nodes'}{many}{varies}")
     return told
 
 
-def _write_law(group: h5py.Group, entry: Reader, name: str) -> str:
-    """The law of a spring that relaxes, or is known between two numbers, of which ``stiffness``
-    then is the least; in words."""
+def _write_laws(group: h5py.Group, entry: Reader, name: str) -> str:
+    """What relaxes of a spring, or is known between two numbers, of which ``stiffness`` then is the
+    least; in words."""
     share, laws = read_orthotropic(entry)
-    of_parameter, known_between = read_parameter(entry, name, 1.0)
-    if not laws and not known_between:
-        return ""
-    if laws and known_between:
-        raise BodyError(f"{entry.where}: give viscoelastic or parameter, not both")
-    if "stiffness" not in entry.data:
-        raise BodyError(f"{entry.where}: stiffness is missing, of which this is")
-    group.attrs["stiffness"] = share * of_parameter * group.attrs["stiffness"]
-    law = known_between[1] if known_between else laws["whole"]
-    write_law(group.create_group("whole"), law)
-    if known_between:
-        group["whole"].attrs["name"] = known_between[0]
-    return f", {law.words}"
+    varying = read_varying(entry, name, 1.0, of_spring=True)
+    for key, needed in (
+        ("stiffness", laws or varying.stiffness or varying.loss),
+        ("damping", varying.damping),
+    ):
+        if needed and key not in entry.data:
+            raise BodyError(f"{entry.where}: {key} is missing, of which this is")
+    if "stiffness" in entry.data:
+        group.attrs["stiffness"] = share * varying.share * group.attrs["stiffness"]
+    if "loss_factor" in entry.data and not varying.loss:
+        group.attrs["loss_factor"] = entry.loss_factor()
+    words = varying.write(group, laws)
+    return f", {words}" if words else ""
 
 
 def joined_nodes(file: h5py.File) -> list[Ints]:

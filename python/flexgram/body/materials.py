@@ -8,8 +8,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, check_name, errors_of
-from flexgram.body.bodyfile import write_law
-from flexgram.body.parameters import PARAMETER, read_parameter
+from flexgram.body.parameters import PARAMETER, read_varying
 from flexgram.body.reader import LOSS, Reader
 from flexgram.body.viscoelastic import KEY, read_isotropic, read_orthotropic
 
@@ -60,8 +59,8 @@ def write_material(file: h5py.File, name: str, data: Any, units: tuple[float, ..
         )
         reader = Reader(data, where, known)
         factor, laws = read_orthotropic(reader)
-        share, known_between = read_parameter(reader, str(name), stress)
-        factor *= share
+        varying = read_varying(reader, str(name), stress)
+        factor *= varying.share
         if matrix:
             group.attrs[STIFFNESS] = (stress * factor * _matrix(reader)).ravel()
         else:
@@ -81,18 +80,12 @@ def write_material(file: h5py.File, name: str, data: Any, units: tuple[float, ..
     else:
         reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS, KEY, PARAMETER))
         moduli, laws = read_isotropic(reader)
-        share, known_between = read_parameter(reader, str(name), stress)
-        group.attrs["E"] = share * moduli.E * stress
+        varying = read_varying(reader, str(name), stress)
+        group.attrs["E"] = varying.share * moduli.E * stress
         group.attrs["nu"] = moduli.nu
-    for part, law in laws.items():
-        write_law(group.create_group(part), law)
-    if known_between:
-        if laws:
-            raise BodyError(f"{where}: give viscoelastic or parameter, not both")
-        write_law(group.create_group("whole"), known_between[1])
-        group["whole"].attrs["name"] = known_between[0]
+    varying.write(group, laws)
     group.attrs["rho"] = reader.number("rho") * density
-    if LOSS in reader.data:
+    if LOSS in reader.data and not varying.loss:
         group.attrs[LOSS] = reader.loss_factor()
     if EXPANSION in reader.data:
         several = isinstance(reader.data[EXPANSION], list)

@@ -31,8 +31,9 @@ from flexgram.body.meshfile import (
 )
 from flexgram.body.orientation import element_axes, expect_in_surface
 from flexgram.body.outputs import write_outputs
+from flexgram.body.parameters import PARAMETER, region_material
 from flexgram.body.preload import write_preload
-from flexgram.body.reader import Reader, short
+from flexgram.body.reader import LOSS, Reader, short
 from flexgram.body.second_order import Gained, divide
 from flexgram.body.sections import ROD, SHELL, is_shell, section_properties, shell_properties
 from flexgram.body.selection import in_box, nearest
@@ -62,7 +63,7 @@ def _formulation(region: Reader, kind: str) -> str:
 
 
 #: Keys of a region.
-REGION = ("material", "section", "formulation", "orientation")
+REGION = ("material", "section", "formulation", "orientation", PARAMETER)
 
 
 class MeshBody:
@@ -169,7 +170,9 @@ class MeshBody:
 
     def _doubts_of_stress(self) -> list[str]:
         """Stress, that of heat too, is that of what K holds: materials that relax have more."""
-        relaxing = [name for name, material in self.file["materials"].items() if len(material)]
+        relaxing = [
+            name for name, material in self.file["materials"].items() if set(material) - {LOSS}
+        ]
         found = []
         for key, kind in (("outputs", "stress"), ("loads", "temperature")):
             entries = self.reader.children(key)
@@ -401,6 +404,15 @@ class MeshBody:
             material = ""  # of layers: their own
             if "layer_materials" not in properties:
                 material = entry.choice("material", self.reader.children("materials"))
+                if PARAMETER in data:
+                    material, own = region_material(
+                        self.reader.children("materials"), entry, str(name)
+                    )
+                    write_material(self.file, material, own, self.units)
+            elif PARAMETER in data:
+                raise BodyError(
+                    f"{entry.where}: layers have no parameter; a section of one material can"
+                )
             elif "material" in data:
                 raise BodyError(f"{entry.where}: the layers of section {section} have materials")
             known_kinds = SOLIDS if not section else SHELLS if of_shells else (*SOLIDS, "line")

@@ -21,6 +21,7 @@ from flexgram.body.discrete import Places, held_by_springs
 from flexgram.body.meshfile import SHELLS
 from flexgram.body.terms import law_of
 from flexgram.body.units import UNITS, doubt
+from flexgram.body.varying_laws import PRODUCT
 
 #: Nodes this close, relative to the size of the body, are meant to be one.
 NEAR = 1e-6
@@ -322,23 +323,29 @@ def summary(file: h5py.File) -> list[str]:
             words += f", loss factor {float(a['loss_factor']):g}"
         for part, group in material.items():
             law = law_of(str(group.attrs["law"]), group.attrs, f"material {name}")
-            words += f", {law.words}" + ("" if part == "whole" else f" of the {part} modulus")
+            words += f", {law.words}"
+            if part in ("shear", "bulk"):
+                words += f" of the {part} modulus"
         lines.append(f"material {name}: {words}, rho = {float(a['rho']):.4g} kg/m³")
     by_material = any(
-        m.attrs.get("loss_factor") or any(part.attrs["law"] == "table" for part in m.values())
+        m.attrs.get("loss_factor") or _has_law(m, "table", "structural")
         for m in file.get("materials", {}).values()
     )
     springs = file.get("springs", {}).values()
-    by_material |= any(spring.attrs.get("loss_factor") for spring in springs)
+    by_material |= any(
+        spring.attrs.get("loss_factor") or _has_law(spring, "structural") for spring in springs
+    )
     given = {k: float(file.attrs.get(k, 0)) for k in ("alpha", "beta", "eta")}
     dashpots = any("damping" in spring.attrs for spring in springs)
-    relaxing = any(
-        isinstance(part, h5py.Group) and part.attrs.get("law") == "prony"
-        for of in (*file.get("materials", {}).values(), *springs)
-        for part in of.values()
-    )
+    relaxing = any(_has_law(of, "prony") for of in (*file.get("materials", {}).values(), *springs))
     further = ["relaxation of materials or springs (Prony terms)"] * relaxing
     return lines + damping_lines(given, by_material, dashpots, further)
+
+
+def _has_law(of: h5py.Group, *kinds: str) -> bool:
+    """Whether a material, or a spring, has a law of these kinds, perhaps times a parameter."""
+    laws = [part.attrs.get("law", "") for part in of.values() if isinstance(part, h5py.Group)]
+    return any(str(law).removeprefix(PRODUCT) in kinds for law in laws)
 
 
 def damping_lines(
