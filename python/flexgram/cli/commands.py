@@ -184,6 +184,7 @@ def _export_options(parser: argparse.ArgumentParser) -> None:
 
 def _export(options: argparse.Namespace) -> None:
     from flexgram.exporters import export, keeps_parameters
+    from flexgram.model.internal_states import InternalStates
     from flexgram.reduced_model import ReducedModel
 
     if options.dialect and options.to != "sid":
@@ -206,13 +207,17 @@ def _export(options: argparse.Namespace) -> None:
     if options.damping:
         from flexgram.model.equivalent_damping import with_viscous_damping
 
-        lost, keeps = model.system.loss, not model.system.timeless
-        model, error = with_viscous_damping(model, options.damping)
+        in_time = options.to in ("state-space", "fmu", "fmu3")
+        lost, keeps = model.system.loss, in_time and bool(model.system.timeless)
+        model, error = with_viscous_damping(model, options.damping, keep_relaxation=keeps)
+        if keeps and model.system.loss:
+            say(f"  {options.to} keeps {model.system.loss}")
+            lost = "the loss factors"
         say(
             f"  {options.damping} damping in the place of {lost} changes H by up to {error:.1e} "
             "at the frequencies looked at"
         )
-        if keeps and options.to in ("state-space", "fmu", "fmu3"):
+        if in_time and not keeps:
             say(f"  note: without --damping, {options.to} keeps this relaxation as it is")
     if known and keeps_parameters(model, options.to):
         say(f"  parameters of the FMU: damping_factor, {', '.join(known)}")
@@ -220,6 +225,13 @@ def _export(options: argparse.Namespace) -> None:
         now = ", ".join(f"{name} = {law.value:g}" for name, law in known.items())
         say(f"  with {now}, present values (flexgram at takes others)")
         model = model.at()
+    if options.to in ("state-space", "fmu", "fmu3"):
+        system = model.system.in_time()
+        if states := InternalStates.of(system.terms, system.order).count:
+            say(
+                f"  Prony terms have {states} internal states, beside the {2 * system.order} of "
+                "coordinates and velocities"
+            )
     target = export(model, options.output, options.to, **extra)
     say(f"  wrote {target}: {model}")
 

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.laws import Circulatory
+from flexgram.body.laws import Circulatory, Prony
+from flexgram.body.terms import Term
 from flexgram.model.damped_modes import losses, modes_of
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.system import System
@@ -31,7 +32,9 @@ def _with_frequencies(system: System, modes: Floats, omega: Floats) -> Floats:
     return 0.5 * (K + K.T)
 
 
-def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]:
+def with_viscous_damping(
+    model: Body, kind: str = "modal", *, keep_relaxation: bool = False
+) -> tuple[Body, float]:
     """The body with viscous damping in the place of its loss factors: eta, and those of materials.
 
     Of viscoelastic materials (terms) each mode keeps the stiffness at its own frequency too.
@@ -45,6 +48,9 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
     model : ReducedBody
     kind : str
         One of ``KINDS``.
+    keep_relaxation : bool
+        Prony terms stay, which have a form in time, and only loss factors are replaced; not where
+        tables are to be replaced too, whose stiffness goes into that of the modes.
 
     Returns
     -------
@@ -75,7 +81,11 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
             f"damping {kind} replaces loss factors; the body has circulatory forces, which no "
             "damper replaces"
         )
-    if not system.loss:
+    kept: tuple[Term, ...] = ()
+    if keep_relaxation and all(isinstance(term.law, Prony) for term in system.terms):
+        kept = system.terms
+    replaced = replace(system, terms=()) if kept else system
+    if not replaced.loss:
         raise BodyError(f"damping {kind}: the body has no loss factor that it could replace")
     squares, modes = modes_of(system)
     heavy = np.isfinite(squares)
@@ -83,8 +93,8 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
     omega[: model.frame.rigid_modes] = 0
     omega[omega < 1e-6 * omega.max(initial=0)] = 0
     moves = omega > 0
-    own = system.eta + np.where(moves, losses(system, omega**2, modes), 0)  # of each mode
-    stiffness = _with_frequencies(system, modes, omega) if system.terms else system.K
+    own = system.eta + np.where(moves, losses(replaced, omega**2, modes), 0)  # of each mode
+    stiffness = _with_frequencies(system, modes, omega) if replaced.terms else system.K
     if kind == "modal":
         shapes = system.M @ modes
         D = shapes @ np.diag(own * omega) @ shapes.T
@@ -104,15 +114,17 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
             "(-mor_outputs)"
         )
     none = np.zeros_like(system.S)
-    viscous = replace(system, K=stiffness, D=system.D + 0.5 * (D + D.T), eta=0.0, S=none, terms=())
+    viscous = replace(
+        system, K=stiffness, D=system.D + 0.5 * (D + D.T), eta=0.0, S=none, terms=kept
+    )
     band = np.unique(np.concatenate([model.claim.omega, omega[omega > 0]]))
     band = band[(band >= model.claim.bands.min()) & (band <= model.claim.bands.max()) & (band > 0)]
     H, other = system.transfer(band), viscous.transfer(band)
     sizes = np.linalg.norm(H, axis=(1, 2))
     error = float((np.linalg.norm(other - H, axis=(1, 2)) / sizes).max(initial=0))
-    lost = "the relaxation of materials" if system.terms else "the loss factor"
+    lost = "the relaxation of materials" if replaced.terms else "the loss factor"
     words = (
-        f"{lost} ({system.loss}) is replaced by {kind} viscous damping; it changes H by "
+        f"{lost} ({replaced.loss}) is replaced by {kind} viscous damping; it changes H by "
         f"{error:.1e} at most at {len(band)} frequencies of the band; the claim is of the body "
         f"with {lost}"
     )
