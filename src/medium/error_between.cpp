@@ -14,8 +14,6 @@ namespace {
 constexpr int most_regions = 7, most_halvings = 14;
 /// First regions along ω and along each parameter.
 constexpr int along_omega = 4, along_parameters = 4;
-/// About so much work at most on each rank [flops].
-constexpr double most_work = 1e11;
 /// Every such share of it tells how much is left; it ends early where that is far too much.
 constexpr double look_every = 0.1;
 

@@ -12,6 +12,9 @@ class CellBound;
 
 class ErrorBetween {
 public:
+  /// About so much work at most on each rank [flops]; it is given up then.
+  static constexpr double most_work = 1e11;
+
   /// @param medium  with any values; outlives this.
   /// @param Q       N × m, of full rank: the small model's basis in the coordinates of its system.
   ErrorBetween(const MediumModel& medium, const Dense& Q);

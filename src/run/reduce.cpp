@@ -4,6 +4,7 @@
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/reduced_io.hpp"
+#include "medium/error_between.hpp"
 #include "medium/factors.hpp"
 #include "medium/medium_io.hpp"
 #include "model/load_patterns.hpp"
@@ -105,9 +106,14 @@ std::vector<ParameterValues> values_to_claim(const SecondOrderModel& body,
                      "{parameter_values} makes them fewer",
                      count, parameters.size(), most));
   std::vector<ParameterValues> values = values_that_show(parameters, s.parameter_values);
-  observer.fact("values", text("the claim is to hold with %zu combination%s of the "
-                               "parameters' values, each as much dense work as a body",
-                               values.size(), values.size() == 1 ? "" : "s"));
+  std::string words = text("the claim is to hold with %zu combination%s of the "
+                           "parameters' values, each as much dense work as a body",
+                           values.size(), values.size() == 1 ? "" : "s");
+  if (values.size() > 1)
+    words += text("; then with all values between, a proof that is given up after %.0e "
+                  "operations on a rank",
+                  ErrorBetween::most_work);
+  observer.fact("values", words);
   return values;
 }
 
