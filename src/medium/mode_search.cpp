@@ -13,7 +13,8 @@ namespace flexgram {
 namespace {
 
 constexpr const char* semidefinite = "it must be positive semidefinite (a buckled state, "
-                                     "or K and M swapped?)";
+                                     "or K and M swapped?) unless D has a skew part, "
+                                     "gyroscopic forces, that may hold the body";
 
 /// Of M u = μ (K + τM) u.
 /// @throws Error where K is so indefinite that K + τM is.

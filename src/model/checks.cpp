@@ -129,7 +129,8 @@ void check_mechanism(ShiftedSolver& solver, double scale) {
              solver.null_pivots(), solver.null_pivots() == 1 ? "" : "s"));
   if (solver.negative_pivots() > 0)
     throw Error(text("K has %d negative eigenvalue%s: it must be positive semidefinite "
-                     "(a buckled state, or K and M swapped?)",
+                     "(a buckled state, or K and M swapped?) unless D has a skew part, "
+                     "gyroscopic forces, that may hold the body",
                      solver.negative_pivots(), solver.negative_pivots() == 1 ? "" : "s"));
 }
 

@@ -260,6 +260,8 @@ def test_the_same_shaft_in_both_frames(tmp_path: Path) -> None:
     assert np.all(found.growth[found.speeds > 1.02 * first] > 0)
     assert "is unstable with speed = 700" in said.out + said.err
     grows = run("campbell", tmp_path / "rom.h5").out
+    told = next(line for line in grows.splitlines() if "meets 0 Hz, where an unbalance" in line)
+    assert abs(float(told.split("speed")[1].split()[0]) / first - 1) < 2e-3
     speed = float(grows.split("unstable: at ")[1].split()[0])
     assert first < speed < 1.05 * first
 

@@ -25,9 +25,9 @@ def campbell_options(parser: argparse.ArgumentParser) -> None:
                         "in the band at some speed")  # fmt: skip
     parser.add_argument(
         "--orders",
-        default="1",
-        help="multiples of the speed that excite, 1,2; of what turns with the body 0, in the frame "
-        "that turns; default 1",
+        help="multiples of the speed that excite, 1,2; default 1, where an unbalance excites a shaft "
+        "in the frame at rest, and in the frame that turns 0,1: an unbalance, and a load that keeps "
+        "its direction in space",
     )
     parser.add_argument(
         "-o", "--output", type=Path, help="picture (.png, .svg, .pdf) or table (.csv)"
@@ -51,11 +51,19 @@ def _table(diagram: Campbell) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _sense(diagram: Campbell, one: CriticalSpeed) -> str:
+def _words(diagram: Campbell, one: CriticalSpeed) -> str:
+    """Which mode it is, how it whirls, and what excites it."""
     import numpy as np
 
+    if not one.order:
+        return f"mode {one.mode + 1} meets 0 Hz, where an unbalance excites it"
     whirl = np.interp(one.speed, diagram.speeds, diagram.whirl[:, one.mode])
-    return ", forward" if whirl > 0.1 else ", backward" if whirl < -0.1 else ""
+    sense = ", forward" if whirl > 0.1 else ", backward" if whirl < -0.1 else ""
+    words = f"mode {one.mode + 1} at {one.order:g} times the speed{sense}"
+    if one.order != 1:
+        return words
+    load = "a load that keeps its direction in space" if diagram.turning else "an unbalance"
+    return f"{words}, where {load} excites it"
 
 
 def run_campbell(options: argparse.Namespace) -> None:
@@ -76,7 +84,7 @@ def run_campbell(options: argparse.Namespace) -> None:
         if len(given) not in (2, 3) or (len(given) == 3 and given[2] < 2):
             raise BodyError(f"--speeds {options.speeds}: expected FROM,TO or FROM,TO,COUNT")
         speeds = np.linspace(given[0], given[1], int(given[2]) if len(given) == 3 else 61)
-    orders = _numbers("--orders", options.orders)
+    given_orders = _numbers("--orders", options.orders) if options.orders else None
     count = options.modes
     if count is None:
         whole = campbell(model.system, speeds)
@@ -84,6 +92,7 @@ def run_campbell(options: argparse.Namespace) -> None:
         inside = np.flatnonzero((lowest <= model.claim.band[-1]).any(axis=0))
         count = max(1, 1 + int(inside.max(initial=0)))
     diagram = campbell(model.system, speeds, count)
+    orders = given_orders or ([0.0, 1.0] if diagram.turning else [1.0])
     frame = "seen in the frame that turns with the body" if diagram.turning else "frame at rest"
     say(f"  natural frequencies [Hz], {frame}; + forward, - backward; of the reduced body")
     shown = diagram.speeds[:: max(1, (len(diagram.speeds) - 1) // 6)]
@@ -99,8 +108,8 @@ def run_campbell(options: argparse.Namespace) -> None:
         say(f"  mode {k + 1:3d}   " + " ".join(words))
     for one in diagram.critical(orders):
         say(
-            f"  critical speed {one.speed:.5g} rad/s ({one.speed * 30 / np.pi:.5g} rpm): mode "
-            f"{one.mode + 1} at {one.order:g} times the speed{_sense(diagram, one)}"
+            f"  critical speed {one.speed:.5g} rad/s ({one.speed * 30 / np.pi:.5g} rpm): "
+            f"{_words(diagram, one)}"
         )
     growing = np.flatnonzero(diagram.growth > 1e-9 * np.nanmax(diagram.omega))
     if len(growing):
