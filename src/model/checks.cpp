@@ -171,7 +171,7 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffne
   if (!model.outputs_are_inputs) check_ports(model.C, model.outputs, "C", observer);
   check_rows(model, facts);
   if (assembled) {
-    facts.skipped.push_back(
+    facts.skipped.emplace_back(
         "definiteness of M and D: assembled here, so by construction");
   } else {
     check_semidefinite(model.M, "M", "a body has no negative mass", model, options,

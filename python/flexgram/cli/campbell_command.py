@@ -25,9 +25,9 @@ def campbell_options(parser: argparse.ArgumentParser) -> None:
                         "in the band at some speed")  # fmt: skip
     parser.add_argument(
         "--orders",
-        help="multiples of the speed that excite, 1,2; default 1, where an unbalance excites a shaft "
-        "in the frame at rest, and in the frame that turns 0,1: an unbalance, and a load that keeps "
-        "its direction in space",
+        help="multiples of the speed that excite, 1,2; default in the frame at rest 1, an "
+        "unbalance; in the frame that turns 0,1: an unbalance, and a load that keeps its "
+        "direction in space",
     )
     parser.add_argument(
         "-o", "--output", type=Path, help="picture (.png, .svg, .pdf) or table (.csv)"
