@@ -288,8 +288,12 @@ void tell_kinds(const CutStory& cut, const ReducedModel& rom, Observer& observer
   }
 }
 
-void tell_fields(const ReducedModel& rom, Observer& observer) {
+void tell_fields(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   if (rom.claim.fields.empty()) return;
+  if (!cut.seen.model().claims_field())
+    return observer.fact(
+        "field", "its error is not known: dampers, loss factors of materials, terms or "
+                 "gyroscopic forces couple the modes, and its bound needs them apart");
   std::string words;
   for (const FieldClaim& claim : rom.claim.fields) {
     words += text("%s%s from %s", words.empty() ? "" : ", ",
@@ -318,7 +322,7 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
   tell_stability(cut, rom, observer);
   tell_rounding(cut, rom, observer);
   tell_kinds(cut, rom, observer);
-  tell_fields(rom, observer);
+  tell_fields(cut, rom, observer);
   if (!rom.claim.supremum->met) warn_of_unmet(cut, rom, observer);
 }
 

@@ -96,11 +96,41 @@ def test_it_is_told_where_a_body_is_excited(tmp_path: Path) -> None:
     assert abs(expected[-200:]).max() > abs(expected[:400]).max()  # it grows
 
 
-@pytest.mark.parametrize("kind", ["mat", "petsc"])
+def punched(path: Path, **matrices: Any) -> None:
+    """A punch file by pyNastran, of grids with three components each, or an OP4."""
+    if path.suffix == ".op4":
+        op4 = pytest.importorskip("pyNastran.op4.op4").OP4()
+        op4.write_op4(
+            str(path), {n: (1, a.toarray()) for n, a in matrices.items()}, is_binary=False
+        )
+        return
+    model = pytest.importorskip("pyNastran.bdf.bdf").BDF(debug=None)
+    for name, matrix in matrices.items():
+        a = sp.coo_matrix(matrix)
+        rows, columns = (
+            [(1 + k // 3, 1 + k % 3) for k in ends.tolist()] for ends in (a.row, a.col)
+        )
+        model.add_dmig(name, 1, 2, 0, 0, a.shape[0], columns, rows, a.data.tolist())
+    model.write_bdf(str(path), write_header=False, enddata=False)
+
+
+@pytest.mark.parametrize("kind", ["mat", "petsc", "mtx", "pch", "op4"])
 def test_imported_matrices(kind: str, tmp_path: Path) -> None:
+    """K, and D that is proportional to it, keep their skew parts, and the sense of them."""
     K, M, D, B = chain(12, 3e4)
     out = tmp_path / "body.h5"
-    if kind == "mat":
+    rows = ("--rows", "a=1", "--rows", "b=19", "-o", out)
+    if kind == "mtx":
+        for name, matrix in (("K", K), ("M", M), ("D", D)):
+            scipy.io.mmwrite(tmp_path / f"{name}.mtx", matrix.tocoo(), symmetry="general")
+        files = [tmp_path / f"{name}.mtx" for name in "KMD"]
+        run("import", files[0], "--mass", files[1], "--damping", files[2], *rows)
+    elif kind in ("pch", "op4"):
+        end = "X" if kind == "pch" else ""
+        parts = {f"KAA{end}": K, f"MAA{end}": M, f"BAA{end}": D}
+        punched(tmp_path / f"body.{kind}", **parts)
+        run("import", tmp_path / f"body.{kind}", *rows)
+    elif kind == "mat":
         content = {"K": K.tocsc(), "M": M.tocsc(), "D": D.tocsc(), "B": B}
         scipy.io.savemat(tmp_path / "body.mat", content)
         import_matrices(read(tmp_path / "body.mat"), out)

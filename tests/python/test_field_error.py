@@ -133,6 +133,9 @@ def test_with_a_damping_matrix_nothing_is_claimed() -> None:
     )
     rom = flexgram.reduce(given, (0.05, 0.6), 1e-3, options={"mor_field_error": "yes"})
     assert rom.kind == "certified" and np.isinf(rom.field_error).all()
+    assert ("field", "its error is not known: dampers") in [
+        (key, words.split(",")[0]) for key, words in rom.provenance.plan
+    ]
     assert len(flexgram.reduce(given, (0.05, 0.6), 1e-3).field_error) == 0
 
 

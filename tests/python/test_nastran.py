@@ -39,13 +39,15 @@ CORD2R,1,,0.,0.,0.,0.,0.,1.
 
 
 def punched(path: Path, dofs: list[tuple[int, int]], **matrices: Any) -> Path:
-    """A punch file that pyNastran wrote."""
+    """A punch file that pyNastran wrote; of matrices that are not symmetric all entries."""
     model = BDF(debug=None)
     for name, matrix in matrices.items():
-        upper = sp.triu(sp.csr_matrix(matrix)).tocoo()
+        whole = sp.csr_matrix(matrix)
+        is_symmetric = (whole != whole.T).nnz == 0
+        upper = sp.coo_matrix(sp.triu(whole) if is_symmetric else whole)
         model.add_dmig(
             name,
-            6,
+            6 if is_symmetric else 1,
             2,
             0,
             0,
@@ -96,7 +98,8 @@ def test_unrelated_cards_do_not_matter(body: Any, control: bool, tmp_path: Path)
 
 
 def test_displacement_coordinate_systems(body: Any, tmp_path: Path) -> None:
-    """Grids with CD: rows in a turned, a cylindrical and a spherical system are the same body."""
+    """Grids with CD: rows in a turned, a cylindrical and a spherical system are the same body, and
+    skew parts of K and D stay."""
     labels = np.unique(body["node"])
     cd = {int(label): (5, 6, 7)[i % 3] for i, label in enumerate(labels) if i % 4 < 3}
     R = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
@@ -128,6 +131,15 @@ def test_displacement_coordinate_systems(body: Any, tmp_path: Path) -> None:
     Q = sl.block_diag(*blocks)  # local = Q basic
     K, M = (Q @ body[name].toarray()[np.ix_(order, order)] @ Q.T for name in "KM")
     path = punched(tmp_path / "cd.pch", dofs, KAAX=0.5 * (K + K.T), MAAX=0.5 * (M + M.T))
+    skew = np.random.default_rng(5).standard_normal(K.shape)
+    skew -= skew.T
+    skew *= np.abs(K).max() * 1e-3
+    own = {name: 0.5 * (A + A.T) for name, A in (("KAAX", K), ("MAAX", M))}
+    turning = punched(
+        tmp_path / "turning.pch",
+        dofs,
+        **own | {"KAAX": own["KAAX"] + skew, "BAAX": 1e-4 * own["KAAX"] + 2 * skew},
+    )
     deck = tmp_path / "cd.bdf"
     deck.write_text(bulk(body, cd, UNRELATED, systems))
     fe = read(path, deck=deck)
@@ -136,6 +148,11 @@ def test_displacement_coordinate_systems(body: Any, tmp_path: Path) -> None:
         # Printed with 16 digits at most, in fields of 16 characters.
         assert np.abs(getattr(fe, name).toarray() - exact).max() < 1e-8 * np.abs(exact).max()
     assert any("displacement coordinate systems (CD)" in line for line in fe.remarks)
+    fe, back = read(turning, deck=deck), Q.T @ skew @ Q
+    assert not fe.is_symmetric and fe.D is not None
+    for matrix, size in ((fe.K, 1), (fe.D, 2)):
+        part = 0.5 * (matrix - matrix.T).toarray()
+        assert np.abs(part - size * back).max() < 1e-5 * size * np.abs(back).max()
     keep = [i for i, (label, c) in enumerate(dofs) if not (label - 1 in cd and c == 2)]
     cut = punched(
         tmp_path / "cut.pch",

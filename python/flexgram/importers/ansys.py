@@ -259,9 +259,10 @@ def read_pair(
             raw.sum_duplicates()
             if raw.nnz < count:
                 remarks.append(f"{path}: {count - raw.nnz} repeated entries are summed")
-        make = with_skew_part if name == "D" else symmetric
+        make = with_skew_part if name in "KD" else symmetric
         found[name] = make(path, raw.row, raw.col, raw.data.astype(float), raw.shape[0])
     fe = FeMatrices(str(stiffness), found["K"], found["M"], found.get("D"), remarks=remarks)
+    fe.is_symmetric = (fe.K != fe.K.T).nnz == 0
     fe.node, fe.component = _node_map(mapping, fe.n)
     if len(fe.node) and deck is not None and deck.suffix.lower() == ".cdb":
         _add_archive(fe, deck)

@@ -213,12 +213,13 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
     matrices = {}
     for letter, (row, column) in codes.items():
         at = np.searchsorted(dofs, row), np.searchsorted(dofs, column)
-        whole = with_skew_part if letter == "D" else symmetric
+        whole = with_skew_part if letter in "KD" else symmetric
         make = folded if model.dmig[roles[letter]].matrix_form == 6 else whole
         matrices[letter] = make(f"{path}, {letter}", *at, entries[letter][2], len(dofs))
     node, component = dofs // 8, dofs % 8 - 1
     scalar = component < 0
     fe = FeMatrices(str(path), matrices["K"], matrices["M"], matrices.get("D"), S=matrices.get("S"))
+    fe.is_symmetric = model.dmig[roles["K"]].matrix_form == 6 or _is_symmetric(fe.K)
     _left_out(fe, names, list(roles.values()))
     fe.node, fe.component = node, np.maximum(component, 0)
     if scalar.any():
@@ -267,7 +268,7 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
                 f"{' and complex' if np.iscomplexobj(data.data) else ''}; {role} is "
                 "square and real (--matrices K=KXX,M=MXX names them)"
             )
-        make = with_skew_part if role == "D" else symmetric
+        make = with_skew_part if role in "KD" else symmetric
         found[role] = make(
             f"{path}, {name}", data.row, data.col, data.data.astype(float), data.shape[0]
         )
@@ -279,8 +280,19 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
             "names others)"
         )
     fe = FeMatrices(str(path), found["K"], found["M"], found.get("D"), S=found.get("S"))
+    fe.is_symmetric = _is_symmetric(fe.K)
     _left_out(fe, names, list(roles.values()))
     return fe
+
+
+def _is_symmetric(matrix: sp.csr_matrix) -> bool:
+    return bool((matrix != matrix.T).nnz == 0)
+
+
+def _turned(Q: sp.csr_matrix, matrix: sp.csr_matrix) -> sp.csr_matrix:
+    """Q A Qᵀ, symmetric without rounding where A is."""
+    turned = sp.csr_matrix(Q @ matrix @ Q.T)
+    return 0.5 * (turned + turned.T) if _is_symmetric(matrix) else turned
 
 
 def _to_basic(fe: FeMatrices, model: Any, deck: Path) -> None:
@@ -326,12 +338,9 @@ def _to_basic(fe: FeMatrices, model: Any, deck: Path) -> None:
         ),
         shape=(fe.n, fe.n),
     )
-    fe.K, fe.M = (sp.csr_matrix(Q @ A @ Q.T) for A in (fe.K, fe.M))
-    fe.K, fe.M = (0.5 * (A + A.T) for A in (fe.K, fe.M))
-    for name in ("D", "S"):
+    for name in ("K", "M", "D", "S"):
         if (matrix := getattr(fe, name)) is not None:
-            turned = sp.csr_matrix(Q @ matrix @ Q.T)
-            setattr(fe, name, 0.5 * (turned + turned.T))
+            setattr(fe, name, _turned(Q, matrix))
     fe.remarks.append(
         f"{len(turned)} grids have displacement coordinate systems (CD): their rows "
         "are turned into the basic one"
