@@ -3,6 +3,7 @@
 #include "base/index.hpp"
 #include "base/process.hpp"
 #include "linalg/decompositions.hpp"
+#include "model/pencil_modes.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -84,32 +85,100 @@ std::vector<Dense> by_modes(const DenseResponse& response, const Quadrature& nod
 
 std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& nodes,
                              double eta_added) {
-  const int N = response.system().order(), ports = response.system().B.columns;
-  std::vector<Dense> factors(as_size(ports), Dense(N, 0));
+  const int N = response.system().order(), ports = response.system().B.columns,
+            most = 4 * N + 2; // columns, before they are compressed
+  std::vector<Dense> factors(as_size(ports), Dense(N, most));
+  std::vector<int> filled(as_size(ports), 0);
   for (std::size_t l = 0; l < nodes.omega.size(); ++l) {
     stop_if_interrupted();
     const double root = std::sqrt(nodes.weight[l] / std::numbers::pi);
     const ComplexDense x = response.modal_response(nodes.omega[l], eta_added);
     for (int p = 0; p < ports; ++p) {
-      Dense next(N, 2);
-      for (int i = 0; i < N; ++i) {
-        next(i, 0) = root * x(i, p).real();
-        next(i, 1) = root * x(i, p).imag();
-      }
       Dense& factor = factors[as_size(p)];
-      factor = beside(factor, next);
-      if (factor.columns > 4 * N) factor = compressed(factor);
+      int& count = filled[as_size(p)];
+      for (int i = 0; i < N; ++i) {
+        factor(i, count) = root * x(i, p).real();
+        factor(i, count + 1) = root * x(i, p).imag();
+      }
+      count += 2;
+      if (count < most) continue;
+      const Dense fewer = compressed(factor);
+      set_part(factor, 0, 0, fewer);
+      count = fewer.columns;
     }
   }
+  for (std::size_t p = 0; p < factors.size(); ++p)
+    factors[p] = part_of(factors[p], 0, N, 0, filled[p]);
   return factors;
+}
+
+/// S of 2c rows, SSᵀ = [Re F, −Im F; Im F, Re F], F = Σ_l w_l f fᴴ with the factors f = 1/d of the
+/// c complex modes.
+Dense factors_of_modes(const PencilModes& modes, const Quadrature& nodes) {
+  const int c = modes.count();
+  Dense scalar(2 * c, 0);
+  constexpr std::size_t chunk = 256;
+  for (std::size_t first = 0; first < nodes.omega.size(); first += chunk) {
+    stop_if_interrupted();
+    const std::size_t count = std::min(chunk, nodes.omega.size() - first);
+    Dense next(2 * c, 2 * static_cast<int>(count));
+    for (std::size_t l = 0; l < count; ++l) {
+      const double omega = nodes.omega[first + l],
+                   root = std::sqrt(nodes.weight[first + l] / std::numbers::pi);
+      const int re = 2 * static_cast<int>(l), im = re + 1;
+      for (int i = 0; i < c; ++i) {
+        const Complex value = root / modes.diagonal({omega, omega}, i).d0;
+        next(i, re) = next(c + i, im) = value.real();
+        next(c + i, re) = value.imag();
+        next(i, im) = -value.imag();
+      }
+    }
+    scalar = compressed(beside(scalar, next));
+  }
+  return scalar;
+}
+
+/// As `by_modes`, of X diag(f) (EX)⁻¹B.
+std::vector<Dense> by_pencil(const PencilModes& modes, const DenseResponse& response,
+                             const Quadrature& nodes) {
+  const Dense scalar = factors_of_modes(modes, nodes), &B = response.modal_inputs();
+  const int N = B.rows, c = modes.count();
+  const ComplexDense loads = multiply(modes.inverse(), as_complex(B));
+  std::vector<Dense> factors;
+  for (int p = 0; p < B.columns; ++p) {
+    Dense rows(N, 2 * c);
+    for (int j = 0; j < c; ++j)
+      for (int i = 0; i < N; ++i) {
+        const Complex x = modes.X()(i, j) * loads(j, p);
+        rows(i, j) = x.real();
+        rows(i, c + j) = -x.imag();
+      }
+    factors.push_back(multiply(rows, scalar));
+  }
+  return factors;
+}
+
+/// By complex modes, where there are so many nodes that these are cheaper than solves.
+std::vector<Dense> of_each_port(const DenseResponse& response, const Quadrature& nodes,
+                                double eta_added) {
+  if (response.is_diagonal()) return by_modes(response, nodes, eta_added);
+  const std::size_t few = as_size(8 * response.system().order());
+  if (nodes.omega.size() > few) {
+    DenseSystem lossy = response.system();
+    lossy.damping.eta += eta_added;
+    const DenseResponse damped(lossy, response.tau(), response.U(), response.lambda(),
+                               response.modal_inputs(), response.modal_terms());
+    if (const auto modes = PencilModes::of(damped))
+      return by_pencil(*modes, damped, nodes);
+  }
+  return by_solves(response, nodes, eta_added);
 }
 
 Dense factor_of(const DenseResponse& response, const Quadrature& nodes, double eta_added,
                 bool equal_ports) {
   Dense all(response.system().order(), 0);
   const auto& mu = response.mu(); // UᵀMU
-  for (Dense& part : response.is_diagonal() ? by_modes(response, nodes, eta_added)
-                                            : by_solves(response, nodes, eta_added)) {
+  for (Dense& part : of_each_port(response, nodes, eta_added)) {
     double square = 0;
     for (int j = 0; j < part.columns; ++j)
       for (int i = 0; i < part.rows; ++i)

@@ -22,6 +22,7 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
                          std::vector<double> scale)
     : rounding_(std::move(rounding)), softening_(softening),
       data_rounding_(space.data_rounding()), provable_(basis.complete && inertia_is_safe),
+      whole_(space.columns() >= space.fom().n),
       scale_(std::move(scale)), shifts_{space.tau(), cutoff * cutoff, space.kappa()} {
   // Coordinates in which the Gram matrix is the identity.
   const GramFactor factor = gram_factor(norm.gram);
@@ -128,7 +129,7 @@ bool Certificate::fits(int order, int ports, int modes, int rigid,
 
 Certificate Certificate::at(const DenseResponse& response) const {
   Certificate other = *this;
-  if (!provable_) return other;
+  if (!provable_ || whole_) return other;
   const double sigma = shifts_.sigma;
   const Dense K = transpose(parts_.K);
   std::vector<Dense> outside; // what T U has beyond E V

@@ -141,6 +141,7 @@ public:
     a("softening_stiffness", self.softening_.stiffness);
     a("data_rounding", self.data_rounding_);
     a("provable", self.provable_);
+    a("whole", self.whole_);
     a("scale", self.scale_);
     a("rounding_weights", self.rounding_weights_);
     a("ports", self.parts_.ports);
@@ -251,6 +252,8 @@ private:
   Softening softening_;
   double data_rounding_ = 0;
   bool provable_ = true; ///< the residual is known whole, and the modes are counted
+  bool whole_ =
+      false; ///< V is the whole space: nothing is outside, the error is rounding
   std::vector<double> scale_, rounding_weights_;
   TermCoupling by_terms_; ///< with terms, of a body whose claims are proved; not in files
   /// What K and M are combined by.

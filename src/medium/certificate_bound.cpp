@@ -260,10 +260,22 @@ std::vector<Certificate::Bound>
 Certificate::over(const DenseResponse& response, const ResponseSeries& x,
                   const std::vector<PortSet>& blocks,
                   const ResponseSeries* of_transposed) const {
+  const ResponseSeries& y = of_transposed ? *of_transposed : x;
+  const auto add_rounding_of = [&](Bound& bound, const PortSet& block) {
+    const RoundingSizes in = rounding_sizes(x, block.inputs);
+    add_rounding(bound, response, x.interval.last, in,
+                 !of_transposed && block.outputs == block.inputs
+                     ? in
+                     : rounding_sizes(y, block.outputs));
+  };
+  std::vector<Bound> bounds;
+  if (whole_) {
+    for (const PortSet& block : blocks) add_rounding_of(bounds.emplace_back(), block);
+    return bounds;
+  }
   const Inverse S = inverse(response, x);
   std::vector<int> all(as_size(x.x.columns));
   std::iota(all.begin(), all.end(), 0);
-  const ResponseSeries& y = of_transposed ? *of_transposed : x;
   const MatrixSeries w = residual(response, x, chosen(all)),
                      of_other = of_transposed ? residual(response, y, chosen(all, true))
                                               : MatrixSeries();
@@ -277,18 +289,13 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
   ResidualsAt inputs{w.centre()}, others;
   if (of_transposed) others.w = of_other.centre();
   ResidualsAt& outputs = of_transposed ? others : inputs;
-  std::vector<Bound> bounds;
   for (const PortSet& block : blocks) {
     Bound bound;
     bound.error = error_of(
         S, block, {moved_of(far_x, block.inputs), moved_of(far_y, block.outputs)}, inputs,
         outputs);
     bound.proved = S.proved;
-    const RoundingSizes in = rounding_sizes(x, block.inputs);
-    add_rounding(bound, response, x.interval.last, in,
-                 !of_transposed && block.outputs == block.inputs
-                     ? in
-                     : rounding_sizes(y, block.outputs));
+    add_rounding_of(bound, block);
     bounds.push_back(bound);
   }
   return bounds;

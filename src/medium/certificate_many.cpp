@@ -157,6 +157,16 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
                      const std::function<bool(std::size_t, double)>& enough) const {
   const Dense& B = response.modal_inputs();
   const Interval interval = factors.interval;
+  std::vector<RoundingSizes> rounding;
+  for (std::size_t list = 0; list < grams.ports.size(); ++list)
+    rounding.push_back(rounding_sizes(factors, grams, list));
+  if (whole_) {
+    std::vector<Bound> bounds;
+    for (const auto& [inputs, outputs] : grams.blocks)
+      add_rounding(bounds.emplace_back(), response, interval.last, rounding[inputs],
+                   rounding[outputs]);
+    return bounds;
+  }
   const Inverse S = inverse(response, factors);
   const auto f = residual_factors(response, interval);
   const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
@@ -175,11 +185,8 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
   }
   const std::vector<ViewNorms> norms = norms_of_lists(grams, terms, of_few);
   std::vector<double> lost_of_list;
-  std::vector<RoundingSizes> rounding;
-  for (std::size_t list = 0; list < grams.ports.size(); ++list) {
+  for (std::size_t list = 0; list < grams.ports.size(); ++list)
     lost_of_list.push_back(lost(factors, grams, list, largest));
-    rounding.push_back(rounding_sizes(factors, grams, list));
-  }
   // Beside few ports what the many leave matters as a sum: a further block costs less than
   // products of their residuals.
   const auto worth = [&](std::size_t k) {

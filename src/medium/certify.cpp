@@ -95,7 +95,9 @@ void report(const CertifyRun& run, const CertifyState& state) {
   // Without rounding, which the claim of the small model includes.
   observer.fact(
       "medium error",
-      reached
+      reached && state.modal.space->columns() >= run.fom.n
+          ? std::string("rounding alone: its order is that of the body")
+      : reached
           ? text("at most %.0e of %s everywhere in the band%s%s (%.1e at the frequencies "
                  "it grew by)",
                  target, what,

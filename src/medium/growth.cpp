@@ -144,7 +144,9 @@ void grow(const CertifyRun& run, CertifyState& state) {
     // Modes that are not exact enough for the proof gain from a block; strong dampers do
     // not.
     if (level.serves(target)) {
-      const std::optional<double> weak = judge.weak_spot(); // between those of the grid
+      // Between the frequencies of the grid; a space that is the whole body has none.
+      const std::optional<double> weak =
+          space.columns() < run.fom.n ? judge.weak_spot() : std::nullopt;
       if (!weak) {
         certifier.sharpen_between();
         medium.shortfall.clear();

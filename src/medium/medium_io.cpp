@@ -18,7 +18,7 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 14; // of the file's layout
+constexpr double version = 15; // of the file's layout
 
 /// Values of parameters, each combination a column.
 template <class Archive, class List>

@@ -51,6 +51,48 @@ TEST(BandGramian, EqualsTheClosedFormOfAModalSystem) {
     EXPECT_NEAR(P.data[i], exact.data[i], 1e-10 * frobenius_norm(exact));
 }
 
+/// By complex modes, against solves at the nodes of a fine rule: gyroscopic forces, and a loss factor
+/// of a part; ports of different sizes, all of the same weight.
+TEST(BandGramian, OfSystemsWithTermsIsThatOfTheirResponse) {
+  constexpr int N = 10, steps = 60000;
+  for (const Law::Kind kind : {Law::Kind::gyroscopic, Law::Kind::structural}) {
+    DenseSystem system = dense_rod(N, {0.02, 1e-4, 0});
+    Dense T(N, N);
+    for (int i = 1; i < N; ++i) {
+      const bool is_skew = kind == Law::Kind::gyroscopic;
+      T(i, i - 1) = is_skew ? 0.4 : -0.01;
+      T(i - 1, i) = is_skew ? -0.4 : -0.01;
+      if (!is_skew) T(i, i) += 0.03;
+    }
+    system.terms.push_back({kind, T});
+    const DenseResponse response(system, 1.0);
+    const Dense F = gramian_factor(response, {BandWeight::flat(0.5, 3)}, true);
+    const Dense P = multiply(F, transpose(F));
+    std::vector<Dense> each(as_size(system.B.columns), Dense(N, N));
+    for (int l = 0; l <= steps; ++l) {
+      const double omega = 0.5 + 2.5 * l / steps, weight = (l == 0 || l == steps ? 1
+                                                            : l % 2              ? 4
+                                                                                 : 2) *
+                                                           2.5 / steps / 3 /
+                                                           std::numbers::pi;
+      const ComplexDense x = response.modal_response(omega);
+      for (int p = 0; p < x.columns; ++p)
+        for (int j = 0; j < N; ++j)
+          for (int i = 0; i < N; ++i)
+            each[as_size(p)](i, j) += weight * (x(i, p) * std::conj(x(j, p))).real();
+    }
+    Dense exact(N, N);
+    for (const Dense& of_port : each) {
+      double energy = 0;
+      for (int i = 0; i < N; ++i) energy += response.mu()[as_size(i)] * of_port(i, i);
+      add_to(exact, of_port, 1 / energy);
+    }
+    exact = multiply(multiply(response.U(), exact), transpose(response.U()));
+    for (std::size_t i = 0; i < P.data.size(); ++i)
+      EXPECT_NEAR(P.data[i], exact.data[i], 1e-9 * frobenius_norm(exact));
+  }
+}
+
 TEST(BandGramian, OverTheWholeAxisSolvesTheLyapunovEquation) {
   // First-order form x' = A x + B u, A X + X Aᵀ + B Bᵀ = 0; P is its position block (eq.
   // 5).
