@@ -101,8 +101,8 @@ std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& no
         factor(i, count + 1) = root * x(i, p).imag();
       }
       count += 2;
-      if (count < most) continue;
-      const Dense fewer = compressed(factor);
+      if (count + 2 <= most) continue;
+      const Dense fewer = compressed(part_of(factor, 0, N, 0, count));
       set_part(factor, 0, 0, fewer);
       count = fewer.columns;
     }

@@ -52,14 +52,16 @@ TEST(BandGramian, EqualsTheClosedFormOfAModalSystem) {
 }
 
 /// By complex modes, against solves at the nodes of a fine rule: gyroscopic forces, and a loss factor
-/// of a part; ports of different sizes, all of the same weight.
+/// of a part; by solves with a Prony term. Ports of different sizes, all of the same weight.
 TEST(BandGramian, OfSystemsWithTermsIsThatOfTheirResponse) {
-  constexpr int N = 10, steps = 60000;
-  for (const Law::Kind kind : {Law::Kind::gyroscopic, Law::Kind::structural}) {
+  constexpr int N = 9, steps = 60000;
+  const LawNumbers relaxing{{"g", {0.3}}, {"tau", {0.5}}};
+  for (const Law& kind : {Law(Law::Kind::gyroscopic), Law(Law::Kind::structural),
+                          Law("rubber", "prony", relaxing)}) {
     DenseSystem system = dense_rod(N, {0.02, 1e-4, 0});
     Dense T(N, N);
     for (int i = 1; i < N; ++i) {
-      const bool is_skew = kind == Law::Kind::gyroscopic;
+      const bool is_skew = kind.is_skew();
       T(i, i - 1) = is_skew ? 0.4 : -0.01;
       T(i - 1, i) = is_skew ? -0.4 : -0.01;
       if (!is_skew) T(i, i) += 0.03;
