@@ -127,7 +127,9 @@ Dense factors_of_modes(const PencilModes& modes, const Quadrature& nodes) {
                    root = std::sqrt(nodes.weight[first + l] / std::numbers::pi);
       const int re = 2 * static_cast<int>(l), im = re + 1;
       for (int i = 0; i < c; ++i) {
-        const Complex value = root / modes.diagonal({omega, omega}, i).d0;
+        const auto d = modes.diagonal({omega, omega}, i);
+        const double least = std::max(d.rounding, 1e-150); // on an undamped pole
+        const Complex value = root / (std::abs(d.d0) > least ? d.d0 : least);
         next(i, re) = next(c + i, im) = value.real();
         next(c + i, re) = value.imag();
         next(i, im) = -value.imag();
