@@ -43,28 +43,36 @@ void refine(Quadrature& q, double a, double b, const std::vector<Complex>& poles
   refine(q, middle, b, poles, weight, depth + 1);
 }
 
-/// S of N rows, SSᵀ = Σ_l w_l Re(f fᴴ) with the factors f = 1/a of the modes.
-Dense factors_of_modes(const DenseResponse& response, const Quadrature& nodes,
-                       double eta_added) {
-  const int N = response.system().order();
-  Dense scalar(N, 0);
+/// S of so many rows, SSᵀ the sum over all nodes of their two columns' products.
+/// @param fill  (columns, number of the first, ω, √(w/π)) writes those of a node.
+template <class Fill>
+Dense summed_over(const Quadrature& nodes, int rows, const Fill& fill) {
+  Dense sum(rows, 0);
   constexpr std::size_t chunk = 256;
   for (std::size_t first = 0; first < nodes.omega.size(); first += chunk) {
     stop_if_interrupted();
     const std::size_t count = std::min(chunk, nodes.omega.size() - first);
-    Dense next(N, 2 * static_cast<int>(count));
-    for (std::size_t l = 0; l < count; ++l) {
-      const double root = std::sqrt(nodes.weight[first + l] / std::numbers::pi);
-      const auto a = response.diagonal(nodes.omega[first + l], eta_added);
-      for (int i = 0; i < N; ++i) {
-        const Complex value = root / a[as_size(i)];
-        next(i, 2 * static_cast<int>(l)) = value.real();
-        next(i, 2 * static_cast<int>(l) + 1) = value.imag();
-      }
-    }
-    scalar = compressed(beside(scalar, next));
+    Dense next(rows, 2 * static_cast<int>(count));
+    for (std::size_t l = 0; l < count; ++l)
+      fill(next, 2 * static_cast<int>(l), nodes.omega[first + l],
+           std::sqrt(nodes.weight[first + l] / std::numbers::pi));
+    sum = compressed(beside(sum, next));
   }
-  return scalar;
+  return sum;
+}
+
+/// S of N rows, SSᵀ = Σ_l w_l Re(f fᴴ) with the factors f = 1/a of the modes.
+Dense factors_of_modes(const DenseResponse& response, const Quadrature& nodes,
+                       double eta_added) {
+  const int N = response.system().order();
+  return summed_over(nodes, N, [&](Dense& S, int column, double omega, double root) {
+    const auto a = response.diagonal(omega, eta_added);
+    for (int i = 0; i < N; ++i) {
+      const Complex value = root / a[as_size(i)];
+      S(i, column) = value.real();
+      S(i, column + 1) = value.imag();
+    }
+  });
 }
 
 /// Factor of each port, in modal coordinates: the 1/a_i once, then rows times the port's
@@ -86,7 +94,8 @@ std::vector<Dense> by_modes(const DenseResponse& response, const Quadrature& nod
 std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& nodes,
                              double eta_added) {
   const int N = response.system().order(), ports = response.system().B.columns,
-            most = 4 * N + 2; // columns, before they are compressed
+            all = 2 * static_cast<int>(nodes.omega.size()),
+            most = std::min(4 * N + 2, all); // columns, before they are compressed
   std::vector<Dense> factors(as_size(ports), Dense(N, most));
   std::vector<int> filled(as_size(ports), 0);
   for (std::size_t l = 0; l < nodes.omega.size(); ++l) {
@@ -101,7 +110,7 @@ std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& no
         factor(i, count + 1) = root * x(i, p).imag();
       }
       count += 2;
-      if (count + 2 <= most) continue;
+      if (count + 2 <= most || most == all) continue;
       const Dense fewer = compressed(part_of(factor, 0, N, 0, count));
       set_part(factor, 0, 0, fewer);
       count = fewer.columns;
@@ -116,28 +125,16 @@ std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& no
 /// c complex modes.
 Dense factors_of_modes(const PencilModes& modes, const Quadrature& nodes) {
   const int c = modes.count();
-  Dense scalar(2 * c, 0);
-  constexpr std::size_t chunk = 256;
-  for (std::size_t first = 0; first < nodes.omega.size(); first += chunk) {
-    stop_if_interrupted();
-    const std::size_t count = std::min(chunk, nodes.omega.size() - first);
-    Dense next(2 * c, 2 * static_cast<int>(count));
-    for (std::size_t l = 0; l < count; ++l) {
-      const double omega = nodes.omega[first + l],
-                   root = std::sqrt(nodes.weight[first + l] / std::numbers::pi);
-      const int re = 2 * static_cast<int>(l), im = re + 1;
-      for (int i = 0; i < c; ++i) {
-        const auto d = modes.diagonal({omega, omega}, i);
-        const double least = std::max(d.rounding, 1e-150); // on an undamped pole
-        const Complex value = root / (std::abs(d.d0) > least ? d.d0 : least);
-        next(i, re) = next(c + i, im) = value.real();
-        next(c + i, re) = value.imag();
-        next(i, im) = -value.imag();
-      }
+  return summed_over(nodes, 2 * c, [&](Dense& S, int column, double omega, double root) {
+    for (int i = 0; i < c; ++i) {
+      const auto d = modes.diagonal({omega, omega}, i);
+      const double least = std::max(d.rounding, 1e-150); // on an undamped pole
+      const Complex value = root / (std::abs(d.d0) > least ? d.d0 : least);
+      S(i, column) = S(c + i, column + 1) = value.real();
+      S(c + i, column) = value.imag();
+      S(i, column + 1) = -value.imag();
     }
-    scalar = compressed(beside(scalar, next));
-  }
-  return scalar;
+  });
 }
 
 /// As `by_modes`, of X diag(f) (EX)⁻¹B.
