@@ -254,7 +254,6 @@ def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
                 f"{words}: {direction} is a stiffness, or a damping: give no slope, and a loss "
                 "factor as that of the joint"
             )
-    for direction, known in (*joint.stiffness.items(), *joint.damping.items()):
         value = known.least if isinstance(known, Parameter) else known
         if direction not in PORTS or (joint.directions and direction not in joint.directions):
             raise BodyError(

@@ -4,7 +4,7 @@ what varies, relaxes or is in a table, as files hold them."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import h5py
@@ -29,20 +29,16 @@ def _two(data: Reader, key: str) -> tuple[float, float]:
 
 
 def _between(data: Reader, key: str, now: float, of: str, unit: float = 1.0) -> Parameter:
-    """A parameter of these two numbers, its slope one over the least, or the present one."""
+    """A parameter of these two numbers."""
     least, most = _two(data, key)
     positive = key != LOSS
-    if (
-        not (0 < least or (not positive and least == 0))
-        or not least <= now <= most
-        or least == most
-    ):
+    enough = least > 0 if positive else least >= 0
+    if not (enough and least <= now <= most and least < most):
         raise BodyError(
             f"{data.where}: {key} = [{least:g}, {most:g}] must rise from "
             f"{'a positive number' if positive else 'zero or more'}, with {of} ({now:g}) between"
         )
-    slope = 1 / (least * unit) if positive else 1.0
-    return parameter(least * unit, most * unit, now * unit, slope=slope)
+    return parameter(least * unit, most * unit, now * unit)
 
 
 @dataclass
@@ -128,16 +124,16 @@ def read_varying(entry: Reader, name: str, stress: float, of_spring: bool = Fals
     elif stiff:
         law = _between(data, STIFFNESS, 1.0, "1")
     if stiff:
-        found.stiffness, found.share = (f"{stiff[0]}_{name}", law), law.least / law.value
+        found.stiffness = f"{stiff[0]}_{name}", replace(law, slope=1 / law.least)
+        found.share = law.least / law.value
     if LOSS in data.data:
-        now = entry.loss_factor() if LOSS in entry.data else None
-        if now is None:
+        if LOSS not in entry.data:
             raise BodyError(f"{entry.where}: {LOSS} is missing, the present one")
-        law = _between(data, LOSS, now, "the present one")
+        law = _between(data, LOSS, entry.loss_factor(), "the present one")
         found.loss = f"{LOSS}_{name}", product(law, loss(1.0))
     if DAMPING in data.data:
         law = _between(data, DAMPING, 1.0, "1")
-        found.damping = f"{DAMPING}_{name}", product(parameter(law.least, law.most, 1.0), viscous())
+        found.damping = f"{DAMPING}_{name}", product(law, viscous())
     return found
 
 

@@ -13,7 +13,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, Ints, expect_survival, whole_numbers
-from flexgram.importers.fe import FeMatrices, symmetric, with_skew_part
+from flexgram.importers.fe import FeMatrices, is_symmetric, symmetric, with_skew_part
 
 
 def _reader() -> Any:
@@ -262,7 +262,7 @@ def read_pair(
         make = with_skew_part if name in "KD" else symmetric
         found[name] = make(path, raw.row, raw.col, raw.data.astype(float), raw.shape[0])
     fe = FeMatrices(str(stiffness), found["K"], found["M"], found.get("D"), remarks=remarks)
-    fe.is_symmetric = (fe.K != fe.K.T).nnz == 0
+    fe.is_symmetric = is_symmetric(fe.K)
     fe.node, fe.component = _node_map(mapping, fe.n)
     if len(fe.node) and deck is not None and deck.suffix.lower() == ".cdb":
         _add_archive(fe, deck)

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from flexgram.basics import BodyError, check_name, expect_survival, stored, whole_numbers
 from flexgram.body.laws import Law, loss, prony, table, viscous
 from flexgram.body.varying_laws import parameter
-from flexgram.importers.fe import FeMatrices, symmetric, with_skew_part
+from flexgram.importers.fe import FeMatrices, is_symmetric, symmetric, with_skew_part
 
 PETSC_MATRIX = 1211216
 #: Variables of MATLAB files that have a role by their names.
@@ -196,7 +196,7 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
             f"variables that are not read, left out: {', '.join(rest)}"
             + (" (--matrices S=S takes S for structural damping)" if "S" in rest else "")
         )
-    fe.is_symmetric = (fe.K != fe.K.T).nnz == 0
+    fe.is_symmetric = is_symmetric(fe.K)
     if {"node", "component", "position"} <= set(values):
         fe.node = whole_numbers(f"{path}: node", np.ravel(values["node"]))
         fe.component = whole_numbers(f"{path}: component", np.ravel(values["component"]))
@@ -299,4 +299,4 @@ def read_petsc(
     M = _sparse(mass, "Mat", _petsc_matrix(mass))
     D = _sparse(damping, "Mat", _petsc_matrix(damping), with_skew_part) if damping else None
     B = _petsc_matrix(inputs).toarray() if inputs else None
-    return FeMatrices(str(stiffness), K, M, D, B=B, is_symmetric=(K != K.T).nnz == 0)
+    return FeMatrices(str(stiffness), K, M, D, B=B, is_symmetric=is_symmetric(K))

@@ -183,6 +183,11 @@ def folded(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.cs
     return symmetric(path, code // n, code % n, kept, n)
 
 
+def is_symmetric(matrix: sp.csr_matrix) -> bool:
+    """Whether it is, entry by entry."""
+    return bool((matrix != matrix.T).nnz == 0)
+
+
 def with_skew_part(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.csr_matrix:
     """The same of D or K, whose skew part is kept where both triangles are given: gyroscopic or
     circulatory forces."""

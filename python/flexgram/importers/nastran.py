@@ -19,7 +19,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError
-from flexgram.importers.fe import FeMatrices, Interface, folded, symmetric, with_skew_part
+from flexgram.importers.fe import (
+    FeMatrices,
+    Interface,
+    folded,
+    is_symmetric,
+    symmetric,
+    with_skew_part,
+)
 
 #: Our (VTK) order of nodes where Nastran's has the vertical edges before the top ones.
 REORDER = {
@@ -219,7 +226,7 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
     node, component = dofs // 8, dofs % 8 - 1
     scalar = component < 0
     fe = FeMatrices(str(path), matrices["K"], matrices["M"], matrices.get("D"), S=matrices.get("S"))
-    fe.is_symmetric = model.dmig[roles["K"]].matrix_form == 6 or _is_symmetric(fe.K)
+    fe.is_symmetric = model.dmig[roles["K"]].matrix_form == 6 or is_symmetric(fe.K)
     _left_out(fe, names, list(roles.values()))
     fe.node, fe.component = node, np.maximum(component, 0)
     if scalar.any():
@@ -280,19 +287,15 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
             "names others)"
         )
     fe = FeMatrices(str(path), found["K"], found["M"], found.get("D"), S=found.get("S"))
-    fe.is_symmetric = _is_symmetric(fe.K)
+    fe.is_symmetric = is_symmetric(fe.K)
     _left_out(fe, names, list(roles.values()))
     return fe
-
-
-def _is_symmetric(matrix: sp.csr_matrix) -> bool:
-    return bool((matrix != matrix.T).nnz == 0)
 
 
 def _turned(Q: sp.csr_matrix, matrix: sp.csr_matrix) -> sp.csr_matrix:
     """Q A Qᵀ, symmetric without rounding where A is."""
     turned = sp.csr_matrix(Q @ matrix @ Q.T)
-    return 0.5 * (turned + turned.T) if _is_symmetric(matrix) else turned
+    return 0.5 * (turned + turned.T) if is_symmetric(matrix) else turned
 
 
 def _to_basic(fe: FeMatrices, model: Any, deck: Path) -> None:
