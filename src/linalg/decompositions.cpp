@@ -16,6 +16,8 @@ void dgeqrt_(const int* m, const int* n, const int* block, double* a, const int*
              double* t, const int* ldt, double* work, int* info);
 void dorgqr_(const int* m, const int* n, const int* k, double* a, const int* lda,
              const double* tau, double* work, const int* lwork, int* info);
+void zpotrf_(const char* uplo, const int* n, std::complex<double>* a, const int* lda,
+             int* info);
 void zheev_(const char* job, const char* uplo, const int* n, std::complex<double>* a,
             const int* lda, double* w, std::complex<double>* work, const int* lwork,
             double* rwork, int* info);
@@ -173,6 +175,13 @@ LeftSvd left_svd(const Dense& a) {
     FG_CALL(SVDGetSingularTriplet(svd, j, &result.values[as_size(j)], u, nullptr));
   }
   return result;
+}
+
+bool is_positive_definite(ComplexDense a) {
+  int info = 0;
+  if (a.rows > 0) zpotrf_("L", &a.rows, a.data.data(), &a.rows, &info);
+  if (info < 0) throw Error(text("LAPACK zpotrf returned %d", info));
+  return info == 0;
 }
 
 std::vector<double> hermitian_eigenvalues(ComplexDense a) {

@@ -55,6 +55,9 @@ struct LeftSvd {
 };
 LeftSvd left_svd(const Dense& a);
 
+/// Whether a Hermitian matrix is positive definite, of which the lower half is read: by Cholesky's
+/// method, so up to rounding of the size of its norm.
+bool is_positive_definite(ComplexDense a);
 /// Eigenvalues of a Hermitian matrix, ascending (LAPACK zheev).
 std::vector<double> hermitian_eigenvalues(ComplexDense a);
 

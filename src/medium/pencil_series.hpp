@@ -13,7 +13,7 @@ struct PencilSeries {
       true; ///< else rounding takes more than solves would: the system is to be solved
   std::optional<ResponseSeries> series; ///< nothing: a pole is too near
 };
-PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval interval,
-                           int degree);
+PencilSeries pencil_series(const PencilModes& modes, const PencilModes::Loads& loads,
+                           Interval interval, int degree);
 
 } // namespace flexgram

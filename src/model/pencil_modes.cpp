@@ -133,7 +133,13 @@ std::optional<PencilModes> PencilModes::of(const DenseResponse& response) {
   try {
     auto modes = of_stiffness(response);
     if (!modes) modes = of_rates(response);
-    if (modes) modes->negligible_ = response.system().negligible;
+    if (!modes) return modes;
+    modes->negligible_ = response.system().negligible;
+    modes->own_loads_ = modes->loads(response.modal_inputs());
+    const Dense& lost = modes->lost_of_modes_;
+    modes->sums_.assign(as_size(lost.rows), 0.0);
+    for (int k = 0; k < lost.columns; ++k)
+      for (int i = 0; i < lost.rows; ++i) modes->sums_[as_size(i)] += lost(i, k);
     return modes;
   } catch (const Error&) {
     return std::nullopt;
@@ -249,6 +255,12 @@ std::optional<PencilModes> PencilModes::of_rates(const DenseResponse& response) 
   modes.shift_constant_ = -s0;
   modes.shift_linear_ = Complex(0, 1);
   return modes;
+}
+
+PencilModes::Loads PencilModes::loads(const Dense& B) const {
+  Loads of{multiply(inverse_, as_complex(B)), {}, multiply(lost_of_loads_, absolute(B))};
+  of.sizes = absolute_of(of.c);
+  return of;
 }
 
 PencilModes::Diagonal PencilModes::diagonal(Interval interval, int mode) const {

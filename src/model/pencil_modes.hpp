@@ -43,15 +43,23 @@ public:
   /// |f| at most, anywhere in an interval: what `lost_of_modes` is multiplied by.
   double largest_shift(Interval interval) const;
 
+  /// Loads in the coordinates of the modes.
+  struct Loads {
+    ComplexDense c; ///< (EX)⁻¹B, count × p
+    Dense sizes;    ///< |c|
+    Dense lost;     ///< how far c may be off
+  };
+  Loads loads(const Dense& B) const;
+  const Loads& own_loads() const { return own_loads_; } ///< of the response's inputs
+
   const ComplexDense& X() const { return X_; }             ///< N × count
   const ComplexDense& inverse() const { return inverse_; } ///< (EX)⁻¹, count × N
   const Dense& sizes() const { return sizes_; }            ///< |X|
-  /// (EX)⁻¹ of what B − EX (EX)⁻¹B leaves is this times |B| at most, entry by entry.
-  const Dense& lost_of_loads() const { return lost_of_loads_; }
   /// Of the system: relative rounding of responses that does not count.
   double negligible() const { return negligible_; }
   /// (EX)⁻¹(MX − EX diag(ν)) at most, entry by entry.
   const Dense& lost_of_modes() const { return lost_of_modes_; }
+  const std::vector<double>& sums_of_lost_modes() const { return sums_; } ///< of its rows
 
 private:
   /// d(ω) = constant + linear ω + square ω²; what the constant adds up from.
@@ -67,7 +75,10 @@ private:
   double negligible_ = 0;
   std::vector<Mode> modes_;
   ComplexDense X_, inverse_;
+  /// (EX)⁻¹ of what B − EX (EX)⁻¹B leaves is the second times |B| at most, entry by entry.
   Dense sizes_, lost_of_loads_, lost_of_modes_;
+  std::vector<double> sums_;
+  Loads own_loads_;
 };
 
 } // namespace flexgram
