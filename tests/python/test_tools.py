@@ -20,7 +20,7 @@ from flexgram.__main__ import main
         ({"M": np.eye(59)}, "M has shape"),
         ({"B": np.ones(60)}, "B has shape"),
         ({"C": np.ones((60, 2))}, "C has shape"),
-        ({"K": chain()["K"] * (1 + 0.02j)}, "K is complex"),
+        ({"M": (1 + 0.02j) * np.eye(60)}, "M is complex"),
         ({"outputs": ["a"]}, "C is not given"),
         ({"inputs": ["a"]}, "1 names for 2 ports"),
     ],

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from flexgram.basics import BodyError, check_name, written_aside
 from flexgram.body.laws import Law
-from flexgram.body.terms import with_terms
+from flexgram.body.terms import split_stiffness, with_terms
 
 #: HDF5 1.8 to 1.10: thousands of port names do not fit into an attribute of older layouts.
 LAYOUT = ("v108", "v110")
@@ -84,7 +84,8 @@ def write_matrices(
     path : str or Path
         File to write, ``.h5``.
     K, M : sparse, n x n
-        Stiffness [N/m] and mass [kg], symmetric, both triangles.
+        Stiffness [N/m] and mass [kg], symmetric, both triangles. The imaginary part of a complex K
+        is structural damping, added to S or ``eta``.
     B : array or sparse, n x n_in
         Input map.
     D : sparse, n x n, optional
@@ -132,6 +133,7 @@ def write_matrices(
     >>> flexgram.reduce("chain.h5", (1, 50), tol=1e-6).claim.met
     True
     """
+    K, S, eta = split_stiffness(K, S, eta)
     D, S, others = with_terms(D, S, terms)
     maps = {"K": K, "M": M, "D": D, "S": S, "B": B, "C": C}
     _expect_shapes({**maps, **{f"term {term.name}": term.matrix for term in others}})
@@ -175,7 +177,7 @@ def _expect_shapes(maps: Mapping[str, Any]) -> None:
             wanted = " x ".join("any" if e is None else str(e) for e in shape)
             raise BodyError(f"{name} has shape {actual}, expected {wanted}")
         if np.iscomplexobj(value):
-            raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
+            raise BodyError(f"{name} is complex; K alone may be: K + iS")
 
 
 def write_law(group: h5py.Group, law: Law) -> None:

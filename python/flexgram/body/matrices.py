@@ -17,9 +17,9 @@ class Matrices:
     ----------
     K, M, D : SciPy sparse or petsc4py Mat, n x n
         Stiffness [N/m], mass [kg], optional damping [N s/m]; symmetric, both triangles. A skew part
-        of D is taken for gyroscopic forces. SciPy matrices are the same on every rank, each takes
-        its rows; petsc4py matrices in AIJ are used as they are, without a copy, others are
-        converted.
+        of D is taken for gyroscopic forces, the imaginary part of K for structural damping. SciPy
+        matrices are the same on every rank, each takes its rows; petsc4py matrices in AIJ are used
+        as they are, without a copy, others are converted.
     B : array, n x n_in
         Inputs (n: one of them); with petsc4py matrices the rows that this rank owns.
     C : array, n_out x n, optional

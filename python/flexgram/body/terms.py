@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from flexgram.basics import BodyError, check_name
 from flexgram.body.laws import (
@@ -111,6 +112,38 @@ def law_of(kind: str, numbers: Mapping[str, Any], where: str) -> Law:
     except BodyError as error:
         raise BodyError(f"{where}: {error}") from None
     return law
+
+
+def split_stiffness(
+    K: Any, S: Any = None, eta: float = 0.0, where: str = "K"
+) -> tuple[Any, Any, float]:
+    """A complex K as a real one: its imaginary part is added to S, or to ``eta`` if it is a
+    multiple of the real part. What is real, or is no SciPy matrix or array, stays as it is.
+
+    Raises
+    ------
+    BodyError
+        Naming ``where``, if the imaginary part is not symmetric, or gives energy.
+    """
+    entries = K.data if sp.issparse(K) else K
+    if hasattr(K, "handle") or not np.iscomplexobj(entries):
+        return K, S, eta
+    real, imaginary = sp.csr_matrix(K.real), sp.csr_matrix(K.imag)
+    largest = abs(imaginary).max()
+    if largest == 0:
+        return real, S, eta
+    if abs(imaginary - imaginary.T).max() > 1e-12 * largest:
+        raise BodyError(f"{where} is complex, and its imaginary part is not symmetric")
+    if imaginary.diagonal().sum() < 0:
+        raise BodyError(
+            f"{where} is complex, and its imaginary part is negative, as for motions exp(-iωt); "
+            "flexgram takes its conjugate"
+        )
+    factor = float(imaginary.multiply(real).sum() / real.multiply(real).sum())
+    if factor > 0 and abs(imaginary - factor * real).max() <= 1e-12 * largest:
+        return real, S, eta + factor
+    imaginary.eliminate_zeros()
+    return real, imaginary if S is None else S + imaginary, eta
 
 
 def with_terms(

@@ -13,7 +13,13 @@ import scipy.io
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, Ints, expect_survival, whole_numbers
-from flexgram.importers.fe import FeMatrices, is_symmetric, symmetric, with_skew_part
+from flexgram.importers.fe import (
+    FeMatrices,
+    is_symmetric,
+    real_or_complex,
+    symmetric,
+    with_skew_part,
+)
 
 
 def _reader() -> Any:
@@ -252,15 +258,15 @@ def read_pair(
             raise BodyError(f"{path}: not read as MatrixMarket; truncated? ({error})") from error
         if raw.shape[0] != raw.shape[1]:
             raise BodyError(f"{path}: {raw.shape[0]} × {raw.shape[1]}, expected a square matrix")
-        if np.iscomplexobj(raw.data):
-            raise BodyError(f"{path}: complex; flexgram takes K (1 + i eta) as K with --eta")
+        if name != "K" and np.iscomplexobj(raw.data):
+            raise BodyError(f"{path}: complex; K alone may be: K + iS")
         if market:  # of elements before their assembly, which SciPy writes too
             count = raw.nnz
             raw.sum_duplicates()
             if raw.nnz < count:
                 remarks.append(f"{path}: {count - raw.nnz} repeated entries are summed")
         make = with_skew_part if name in "KD" else symmetric
-        found[name] = make(path, raw.row, raw.col, raw.data.astype(float), raw.shape[0])
+        found[name] = make(path, raw.row, raw.col, real_or_complex(raw.data), raw.shape[0])
     fe = FeMatrices(str(stiffness), found["K"], found["M"], found.get("D"), remarks=remarks)
     fe.is_symmetric = is_symmetric(fe.K)
     fe.node, fe.component = _node_map(mapping, fe.n)

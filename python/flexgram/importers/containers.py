@@ -15,7 +15,13 @@ import scipy.sparse as sp
 from flexgram.basics import BodyError, check_name, expect_survival, stored, whole_numbers
 from flexgram.body.laws import Law, loss, prony, table, viscous
 from flexgram.body.varying_laws import parameter
-from flexgram.importers.fe import FeMatrices, is_symmetric, symmetric, with_skew_part
+from flexgram.importers.fe import (
+    FeMatrices,
+    is_symmetric,
+    real_or_complex,
+    symmetric,
+    with_skew_part,
+)
 
 PETSC_MATRIX = 1211216
 #: Variables of MATLAB files that have a role by their names.
@@ -30,20 +36,16 @@ def _sparse(path: Path, name: str, value: Any, make: Any = symmetric) -> sp.csr_
     if sp.issparse(value) and value.format in ("csc", "csr"):
         kind = sp.csc_matrix if value.format == "csc" else sp.csr_matrix
         parts = (value.data, value.indices, value.indptr)
-        if not np.iscomplexobj(value.data):
-            value = checked(f"{path}: {name}", parts, value.shape, kind)
-    if np.iscomplexobj(value.data if sp.issparse(value) else value):
-        raise BodyError(
-            f"{path}: {name} is complex; write its real part as K; the imaginary one is eta K "
-            "(eta), or S by itself (--matrices S=NAME)"
-        )
+        value = checked(f"{path}: {name}", parts, value.shape, kind)
+    if name != "K" and np.iscomplexobj(value.data if sp.issparse(value) else value):
+        raise BodyError(f"{path}: {name} is complex; K alone may be: K + iS")
     entries = sp.coo_matrix(value)
     if entries.shape[0] != entries.shape[1]:
         raise BodyError(
             f"{path}: {name} is {entries.shape[0]} × {entries.shape[1]}, expected square"
         )
     made: sp.csr_matrix = make(
-        f"{path}, {name}", entries.row, entries.col, entries.data.astype(float), entries.shape[0]
+        f"{path}, {name}", entries.row, entries.col, real_or_complex(entries.data), entries.shape[0]
     )
     return made
 
@@ -70,7 +72,7 @@ def checked(what: str, parts: tuple[Any, Any, Any], shape: tuple[int, int], kind
         raise BodyError(
             f"{what}: indices from {index.min()} to {index.max()}, expected 0 to {minor - 1}"
         )
-    return kind((np.asarray(value, dtype=float), index, start), shape=shape)
+    return kind((real_or_complex(value), index, start), shape=shape)
 
 
 def _sparse_ports(what: str, value: Any) -> Any:
@@ -87,10 +89,16 @@ def _sparse_of_hdf5(what: str, group: h5py.Group) -> sp.csc_matrix:
         return checked(
             what, (np.empty(0), np.empty(0), start), (rows, len(start) - 1), sp.csc_matrix
         )
-    if group["data"].dtype.kind != "f":
-        raise BodyError(f"{what} is complex or not of doubles")
-    parts = (stored(what, group["data"]), stored(what, group["ir"]), start)
+    value = _complex(stored(what, group["data"]))
+    if value.dtype.kind not in "fc":
+        raise BodyError(f"{what} is not of doubles")
+    parts = (value, stored(what, group["ir"]), start)
     return checked(what, parts, (rows, len(start) - 1), sp.csc_matrix)
+
+
+def _complex(data: Any) -> Any:
+    """MATLAB's pairs of real and imaginary parts as complex numbers."""
+    return data["real"] + 1j * data["imag"] if data.dtype.names == ("real", "imag") else data
 
 
 def _from_hdf5(path: Path) -> dict[str, Any]:
@@ -109,9 +117,9 @@ def _value_of_hdf5(what: str, item: Any) -> Any:
         if "MATLAB_sparse" in item.attrs:
             return _sparse_of_hdf5(what, item)
         return {key: _value_of_hdf5(f"{what}.{key}", item[key]) for key in item}
-    if item.dtype.kind not in "fiu":
+    if item.dtype.kind not in "fiu" and item.dtype.names != ("real", "imag"):
         return None
-    data = stored(what, item)
+    data = _complex(stored(what, item))
     if item.attrs.get("MATLAB_class") == b"char":
         return "".join(map(chr, np.ravel(data)))
     return data.T if item.ndim == 2 else data

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flexgram.basics import BodyError, Floats, Ints, index_of
 from flexgram.body.laws import Law
+from flexgram.body.terms import split_stiffness
 
 
 @dataclass
@@ -63,7 +64,7 @@ class FeMatrices:
     ----------
     K, M, D, S : csr_matrix, n x n
         Stiffness, mass, and damping or structural damping if the code wrote one. D may have a skew
-        part, and K of MATLAB and PETSc files.
+        part, and K of MATLAB and PETSc files. The imaginary part of a complex K becomes S, or eta.
     node, component : int arrays, n
         For each row the label of its node and 0-2 for a translation, 3-5 for a rotation; empty
         where the files do not say.
@@ -125,6 +126,15 @@ class FeMatrices:
     remarks: list[str] = field(default_factory=list)
     _indexed: list[tuple[str, Ints]] | None = field(default=None, repr=False)
 
+    def __post_init__(self) -> None:
+        """Split a complex K."""
+        if not np.iscomplexobj(self.K):
+            return
+        given = self.eta
+        self.K, self.S, self.eta = split_stiffness(self.K, self.S, given, f"{self.source}: K")
+        added = f"the loss factor {self.eta - given:.6g}" if self.eta > given else "S"
+        self.remarks.append(f"K is complex: its imaginary part is structural damping, {added}")
+
     @property
     def n(self) -> int:
         return int(self.K.shape[0])
@@ -171,7 +181,7 @@ def folded(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.cs
     triangle; a pair given both ways must be the same twice."""
     low, high = np.minimum(row, column).astype(np.int64), np.maximum(row, column).astype(np.int64)
     code, first, inverse = np.unique(low * n + high, return_index=True, return_inverse=True)
-    value = np.asarray(value, dtype=float)
+    value = real_or_complex(value)
     kept = value[first]
     other = np.flatnonzero(np.abs(value - kept[inverse]) > 1e-12 * np.abs(value).max(initial=0))
     if len(other):
@@ -192,6 +202,11 @@ def with_skew_part(path: Path | str, row: Any, column: Any, value: Any, n: int) 
     """The same of D or K, whose skew part is kept where both triangles are given: gyroscopic or
     circulatory forces."""
     return symmetric(path, row, column, value, n, skew_part=True)
+
+
+def real_or_complex(values: Any) -> Any:
+    """Doubles, or complex ones."""
+    return np.asarray(values, dtype=complex if np.iscomplexobj(values) else float)
 
 
 def symmetric(

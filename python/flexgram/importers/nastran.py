@@ -24,6 +24,7 @@ from flexgram.importers.fe import (
     Interface,
     folded,
     is_symmetric,
+    real_or_complex,
     symmetric,
     with_skew_part,
 )
@@ -205,13 +206,13 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
             continue
         card = model.dmig[name]
         roles[letter] = name
-        if card.is_complex:
-            raise BodyError(
-                f"{path}: DMIG {name} is complex; structural damping is --eta, or a real matrix "
-                "of its own (--matrices S=NAME)"
-            )
+        if card.is_complex and letter != "K":
+            raise BodyError(f"{path}: DMIG {name} is complex; K alone may be: K + iS")
         row, column = np.array(card.GCi), np.array(card.GCj)
-        entries[letter] = (row, column, np.array(card.Real, dtype=float))
+        value = np.array(card.Real, dtype=float)
+        if card.is_complex:
+            value = value + 1j * np.array(card.Complex, dtype=float)
+        entries[letter] = (row, column, value)
     codes = {
         letter: [8 * e[:, 0].astype(np.int64) + e[:, 1].astype(np.int64) for e in data[:2]]
         for letter, data in entries.items()
@@ -269,15 +270,16 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
         if name is None:
             continue
         data = sp.coo_matrix(matrices[name].data)
-        if data.shape[0] != data.shape[1] or np.iscomplexobj(data.data):
+        wrong_kind = role != "K" and np.iscomplexobj(data.data)
+        if data.shape[0] != data.shape[1] or wrong_kind:
             raise BodyError(
                 f"{path}: {name} is {data.shape[0]} × {data.shape[1]}"
-                f"{' and complex' if np.iscomplexobj(data.data) else ''}; {role} is "
-                "square and real (--matrices K=KXX,M=MXX names them)"
+                f"{' and complex' if wrong_kind else ''}; {role} is "
+                "square and real, but for K (--matrices K=KXX,M=MXX names them)"
             )
         make = with_skew_part if role in "KD" else symmetric
         found[role] = make(
-            f"{path}, {name}", data.row, data.col, data.data.astype(float), data.shape[0]
+            f"{path}, {name}", data.row, data.col, real_or_complex(data.data), data.shape[0]
         )
     sizes = {matrix.shape[0] for matrix in found.values()}
     if len(sizes) > 1:

@@ -6,6 +6,7 @@ import difflib
 import os
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import scipy.sparse as sp
 
 from flexgram.basics import BodyError, ReductionWarning, check_name
 from flexgram.body.matrices import Matrices
-from flexgram.body.terms import Term, with_terms
+from flexgram.body.terms import Term, split_stiffness, with_terms
 from flexgram.reduced_model import ReducedModel
 from flexgram.reduction.options import NAMES
 
@@ -87,7 +88,7 @@ def _one_matrix(name: str, matrix: Any, rows: tuple[int, int], n: int, comm: Any
     """Rows of a SciPy matrix as CSR, or a petsc4py matrix in a format that is taken."""
     if sp.issparse(matrix):
         if matrix.dtype.kind == "c":
-            raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
+            raise BodyError(f"{name} is complex; K alone may be: K + iS")
         if matrix.shape != (n, n):
             raise BodyError(f"{name} is {matrix.shape}, expected {(n, n)}: square, and like K")
         mine = sp.csr_matrix(matrix)[slice(*rows)].astype(np.float64)
@@ -195,7 +196,13 @@ def _places(matrices: Matrices, mine: slice, rows: int) -> dict[str, Any]:
     return places
 
 
+def _with_real_stiffness(matrices: Matrices) -> Matrices:
+    K, S, eta = split_stiffness(matrices.K, matrices.S, matrices.eta)
+    return replace(matrices, K=K, S=S, eta=eta)
+
+
 def _matrices_over(matrices: Matrices, comm: Any) -> Any:
+    matrices = _agree(comm, lambda: _with_real_stiffness(matrices))
     parts = _agree(comm, lambda: _own_rows(matrices, comm))
     body = core().Body(comm.py2f(), matrices.name)
     for term in parts["terms"]:
