@@ -1,12 +1,13 @@
 """Random systems against extended precision: does any true error exceed the certified one?
 
     audit.py [count] [seed] [csv] [--materials | --mixtures | --products | --spin | --speeds]
-             [--every N] [--from N]
+             [--prestressed] [--every N] [--from N]
         count systems, or every Nth of them, from the Nth on; a table by class and by damping
 
 ``--materials``: with loss factors by material instead of the seven other kinds of damping;
 ``--mixtures``: several of these at once; ``--products``: terms times a parameter;
-``--spin``: with gyroscopic forces; ``--speeds``: with a range of speeds.
+``--spin``: with gyroscopic forces; ``--speeds``: with a range of speeds;
+``--prestressed``: with the stiffness of a stress that presses or pulls.
 
 Each system is reduced in this process, with its tolerance and nothing else; the referee chooses
 frequencies against the result (``referee.py``).
@@ -31,6 +32,7 @@ from audit_cases import (
     DAMPINGS,
     MATERIALS,
     MIXTURES,
+    PRESTRESSED,
     PRODUCTS,
     SPEEDS,
     SPIN,
@@ -218,6 +220,7 @@ def main() -> int:
     chosen = {
         "--materials": MATERIALS,
         "--mixtures": MIXTURES,
+        "--prestressed": PRESTRESSED,
         "--products": PRODUCTS,
         "--spin": SPIN,
         "--speeds": SPEEDS,

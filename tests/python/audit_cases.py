@@ -59,6 +59,13 @@ SPIN = (
 )
 #: A range of speeds, --speeds: stiffening and softening, Coriolis forces, moved geometry or none.
 SPEEDS = ("speeds and mass", "speeds and stiffness", "speeds and dashpots", "speeds and materials")
+#: K less a part of it, up to the load at which it buckles, or more a part, --prestressed; stiffness
+#: damping is of K without the load.
+PRESTRESSED = (
+    *("compressed and mass", "compressed and stiffness", "compressed and structural"),
+    *("compressed and dashpots", "compressed and materials", "compressed and spin"),
+    *("stretched and mass", "stretched and stiffness", "stretched and spin"),
+)
 
 
 @dataclass
@@ -181,6 +188,10 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         elif kind not in ("free", "elastic part"):
             ground[0] = scale
         K = _springs(n, chain, scale * np.ones(n - 1), ground)
+    unloaded = K
+    if "compressed" in damping or "stretched" in damping:
+        loaded = _loaded_chain if kind in ("free", "elastic part") else _loaded
+        K = loaded(rng, K, "compressed" in damping)
     if kind == "massless":
         M[rng.choice(n, n // 4, replace=False)] = rng.choice([0.0, 1e-15 * mass])
         M[-1] = mass
@@ -231,17 +242,19 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         first = np.sqrt(lam[0]) * 0.2
     if kind == "elastic part":
         first = np.sqrt(lam[0]) * 10.0 ** rng.uniform(-3, 0)
-        others = ("dashpots", "general", *MATERIALS, *MIXTURES, *SPIN, *SPEEDS)
+        others = ("dashpots", "general", *MATERIALS, *MIXTURES, *SPIN, *SPEEDS, *PRESTRESSED)
         damping = damping if damping not in others else "both"
     zeta = 10.0 ** rng.uniform(-6, -1.5)
     reference = np.sqrt(lam[0] * lam[modes - 1]) ** 0.5
     extra: dict[str, Any] = {}
     D = S = None
-    if damping in ("mass", "both", "materials and mass", "spin and mass"):
+    if damping in ("mass", "both") or damping.endswith("and mass"):
         extra["alpha"] = 2 * zeta * reference
     if damping in ("stiffness", "both", "spin and stiffness"):
         extra["beta"] = 2 * zeta / top
-    if damping in ("structural", "spin and structural"):
+    if damping in PRESTRESSED and "stiffness" in damping:
+        D = 2 * zeta / top * unloaded
+    if damping in ("structural", "spin and structural", "compressed and structural"):
         extra["eta"] = 2 * zeta
     if "dashpots" in damping:
         D = np.zeros((n, n))
@@ -255,8 +268,6 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     if "speeds" in damping:
         speeds = _speeds(rng, K, M, top)
         options_of_speeds = {"mor_parameter_values": 3}
-        if damping == "speeds and mass":
-            extra["alpha"] = 2 * zeta * reference
         if damping == "speeds and stiffness":
             extra["beta"] = 2 * zeta / top
     elif "spin" in damping:
@@ -264,8 +275,6 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     terms: list[Any] = []
     if "circulation" in damping:
         terms.append((top * _gyroscopic(rng, M, top), "circulatory"))
-        if damping == "circulation and mass":
-            extra["alpha"] = 2 * zeta * reference
     if "materials" in damping:
         S = _losses(rng, K, min(100 * zeta, 1.0))
     if "relaxation" in damping:
@@ -359,6 +368,28 @@ def _gyroscopic(rng: np.random.Generator, M: Any, top: float) -> Any:
     G = root[:, None] * (G - G.T) * root
     size = np.linalg.norm(G / np.maximum.outer(root, root) ** 2, 2) if root.min() > 0 else n
     return 10.0 ** rng.uniform(-3, 1) * top / size * G
+
+
+def _loaded(rng: np.random.Generator, K: Any, is_compressed: bool) -> Any:
+    """K and the stiffness of a stress: of one that pulls, up to a thousand times parts of K; of one
+    that presses, up to a millionth less than where the softest motion that it loads buckles."""
+    stress = _losses(rng, K, 1.0)
+    if not is_compressed:
+        return K + 10.0 ** rng.uniform(-1, 3) * stress
+    values, vectors = sl.eigh(K)
+    root = vectors[:, values > 1e-9 * values.max()]
+    critical = 1 / sl.eigvalsh(root.T @ stress @ root, root.T @ K @ root).max()
+    K = K - critical * (1 - 10.0 ** rng.uniform(-6, 0)) * stress
+    return 0.5 * (K + K.T)
+
+
+def _loaded_chain(rng: np.random.Generator, K: Any, is_compressed: bool) -> Any:
+    """So of a free chain, in numbers without rounding: its rigid motion has no stiffness."""
+    n, digits = len(K), 2.0**20
+    load = 10.0 ** rng.uniform(-6, 0, n - 1) if is_compressed else 10.0 ** rng.uniform(0, 3, n - 1)
+    stiffness = np.maximum(1.0, np.round(digits * load)) / digits
+    unit = 2.0 ** np.round(np.log2(K.max()))
+    return _springs(n, [(i, i + 1) for i in range(n - 1)], unit * stiffness, np.zeros(n))
 
 
 def _losses(rng: np.random.Generator, K: Any, largest: float) -> Any:
