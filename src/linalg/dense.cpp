@@ -58,6 +58,17 @@ ComplexDense transpose(const ComplexDense& a) { return transpose_of(a); }
 Dense multiply(const Dense& a, const Dense& b) { return gemm("N", "N", a, b); }
 Dense multiply_transposed(const Dense& a, const Dense& b) { return gemm("T", "N", a, b); }
 
+void multiply_rows_transposed(const Dense& a, const Dense& b, int first, int last,
+                              int column, int columns, Dense& c) {
+  const PetscBLASInt m = a.columns, n = columns, k = last - first;
+  const PetscBLASInt lda = std::max(a.rows, 1), ldb = std::max(b.rows, 1),
+                     ldc = std::max(c.rows, 1);
+  if (m == 0 || n == 0) return;
+  const double one = 1, zero = 0;
+  BLASgemm_("T", "N", &m, &n, &k, &one, a.data.data() + first, &lda,
+            b.column(column) + first, &ldb, &zero, c.column(column), &ldc);
+}
+
 Dense outer_square(const Dense& a) {
   Dense c(a.rows, a.rows);
   if (a.data.empty()) return c;

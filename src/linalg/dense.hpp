@@ -36,6 +36,9 @@ Dense transpose(const Dense& a);
 ComplexDense transpose(const ComplexDense& a);
 Dense multiply(const Dense& a, const Dense& b);            ///< A B
 Dense multiply_transposed(const Dense& a, const Dense& b); ///< Aᵀ B
+/// Of AᵀB these columns, summed over the rows [first, last) alone, into the same columns of C.
+void multiply_rows_transposed(const Dense& a, const Dense& b, int first, int last,
+                              int column, int columns, Dense& c);
 Dense outer_square(const Dense& a); ///< A Aᵀ, at half the price of a product
 /// Rows [r0, r0 + rows) and columns [c0, c0 + columns) of A.
 Dense part_of(const Dense& a, int r0, int rows, int c0, int columns);

@@ -13,6 +13,7 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <span>
@@ -267,6 +268,12 @@ private:
     std::vector<Dense> terms;                     ///< so
     std::vector<double> dropped_ports, dropped_K; ///< ‖·‖ in E⁻¹
     std::vector<std::vector<double>> dropped_terms;
+    mutable std::shared_ptr<const Dense> sizes_of_K = nullptr;
+    /// |K|, made when it is first asked for.
+    const Dense& K_sizes() const {
+      if (!sizes_of_K) sizes_of_K = std::make_shared<const Dense>(absolute(K));
+      return *sizes_of_K;
+    }
   };
   ResidualParts parts_;
   /// Φ: μ_j, ‖(K + τM)^−½(Mu − μ(K + τM)u)‖ at most, ‖G_j‖.

@@ -102,8 +102,8 @@ MatrixSeries Certificate::held_residual(const DenseResponse& response,
                                         const ResponseSeries& x, const Chosen& of) const {
   const ResidualParts& parts = of.parts;
   const int p = x.x.columns;
-  MatrixSeries w =
-      multiply_transposed(parts.K, times(residual_factors(response, x.interval), x.x));
+  MatrixSeries w = multiply_transposed(
+      parts.K, parts.K_sizes(), times(residual_factors(response, x.interval), x.x));
   for (double& value : w.coefficients.data) value = -value;
   for (std::size_t t = 0; t < parts.terms.size(); ++t) {
     const Law& law = response.system().terms[t].law;

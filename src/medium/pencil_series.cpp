@@ -11,8 +11,8 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
-/// 1/(d_0 + d_1 t + d_2 t²) of a mode: its series, as far as that is more than rounding; what that
-/// leaves, and |·| at most.
+/// 1/(d_0 + d_1 t + d_2 t²) of a mode: its series, as far as that is more than rounding; what all of
+/// it leaves, and |·| at most.
 struct Factor {
   std::vector<Complex> coefficients;
   double left, rounding, largest; ///< the second not in the first
@@ -36,7 +36,7 @@ std::optional<Factor> factor_of(const PencilModes::Diagonal& d, int degree) {
   factor.rounding = (d.rounding / least + (16 + 4 * degree) * epsilon) * factor.largest;
   double dropped = std::abs(factor.coefficients.back());
   while (factor.coefficients.size() > 1 && dropped <= epsilon * factor.largest) {
-    factor.left += std::abs(factor.coefficients.back());
+    factor.rounding += std::abs(factor.coefficients.back());
     factor.coefficients.pop_back();
     dropped += std::abs(factor.coefficients.back());
   }

@@ -60,7 +60,13 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
       majorant = next_majorant / size;
     }
     const double bound = 1 / least, beside = bound / (least - rounding);
-    lost.push_back((16 + 4 * degree) * epsilon * bound +
+    double dropped = 0;
+    for (int k = degree; k > 0; --k) {
+      dropped += std::abs(factor(i, k));
+      if (dropped > epsilon * bound) break;
+      factor(i, k) = 0;
+    }
+    lost.push_back((17 + 4 * degree) * epsilon * bound +
                    (rounding - d.cancelled) * beside);
     tail.push_back((first * majorant + second * (before + majorant)) / least +
                    d.cancelled * beside + lost.back());
@@ -317,21 +323,51 @@ MatrixSeries from_row(MatrixSeries F, int first) {
   return F;
 }
 
-MatrixSeries multiply_transposed(const Dense& A, const MatrixSeries& F) {
-  Dense sizes = A;
-  for (double& a : sizes.data) a = std::abs(a);
-  MatrixSeries product{F.columns, multiply_transposed(A, F.coefficients),
-                       multiply_transposed(sizes, F.tail)};
+namespace {
+
+/// [first, last) of the rows of these columns that are not zero.
+std::pair<int, int> rows_that_count(const Dense& a, int column, int columns) {
+  int first = a.rows, last = 0;
+  for (int j = column; j < column + columns; ++j) {
+    const double* x = a.column(j);
+    for (int i = 0; i < first; ++i)
+      if (x[i] != 0) first = i;
+    for (int i = a.rows; i-- > last;)
+      if (x[i] != 0) last = i + 1;
+  }
+  return {std::min(first, last), last};
+}
+
+} // namespace
+
+MatrixSeries multiply_transposed(const Dense& A, const Dense& sizes,
+                                 const MatrixSeries& F) {
+  const int each = 2 * F.columns;
+  MatrixSeries product{F.columns, Dense(A.columns, F.coefficients.columns), {}};
+  // Modes far from the interval have few coefficients, and those near it stand together.
+  std::vector<std::pair<int, int>> rows;
+  for (int k = 0; k <= F.degree(); ++k)
+    rows.push_back(rows_that_count(F.coefficients, each * k, each));
+  for (int k = 0, end = 0; k <= F.degree(); k = end) {
+    const auto [first, last] = rows[as_size(k)];
+    while (end <= F.degree() && rows[as_size(end)] == rows[as_size(k)]) ++end;
+    multiply_rows_transposed(A, F.coefficients, first, last, each * k, each * (end - k),
+                             product.coefficients);
+  }
   // Rounding of the sums: at most rows · ε of their absolute values, of which the largest
   // coefficients are the first.
-  Dense absolute = first_columns(F.coefficients, 2 * F.columns);
-  for (double& a : absolute.data) a = std::abs(a);
-  const Dense summed = multiply_transposed(sizes, absolute);
+  Dense off = F.tail;
   for (int j = 0; j < F.columns; ++j)
-    for (int i = 0; i < product.tail.rows; ++i)
-      product.tail(i, j) +=
-          2 * epsilon * A.rows * (summed(i, j) + summed(i, F.columns + j));
+    for (int i = 0; i < off.rows; ++i)
+      off(i, j) +=
+          2 * epsilon * A.rows *
+          (std::abs(F.coefficients(i, j)) + std::abs(F.coefficients(i, F.columns + j)));
+  product.tail = multiply_transposed(sizes, off);
   return product;
+}
+
+MatrixSeries multiply_transposed(const Dense& A, const MatrixSeries& F) {
+  return multiply_transposed(A, absolute(A), F);
 }
 
 MatrixSeries times(const std::vector<Complex>& f, const MatrixSeries& F, double rest) {

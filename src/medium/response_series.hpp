@@ -30,7 +30,9 @@ struct MatrixSeries {
 
 /// F with zeros in the rows before `first`.
 MatrixSeries from_row(MatrixSeries F, int first);
-/// AᵀF.
+/// AᵀF. @param sizes  |A|.
+MatrixSeries multiply_transposed(const Dense& A, const Dense& sizes,
+                                 const MatrixSeries& F);
 MatrixSeries multiply_transposed(const Dense& A, const MatrixSeries& F);
 /// (Σ f_k t^k + rest) F, of the same degree as F: what is above goes into the tail.
 /// @param rest  a function of t, at most.
