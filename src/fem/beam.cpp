@@ -103,12 +103,13 @@ Dense in_global(const std::array<Vector3, 3>& axes, const Dense& local,
 StressStiffness beam_stress_stiffness(const Vector3& first, const Vector3& second,
                                       const BeamMaterial& material,
                                       const BeamSection& section,
-                                      const std::vector<double>& u, double& stress) {
+                                      const std::vector<double>& u, double free,
+                                      double& stress) {
   double L = 0;
   const auto axes = local_axes(first, second, section.y_axis, L);
   double stretch = 0;
   for (std::size_t i = 0; i < 3; ++i) stretch += axes[0][i] * (u[6 + i] - u[i]);
-  const double N = material.E * section.A * stretch / L;
+  const double EA = material.E * section.A, N = EA * (stretch / L - free);
   stress = std::max(stress, std::abs(N / section.A));
   Dense K(12, 12);
   for (const auto& [dofs, signs, phi] : planes_of(material, section, L))
@@ -120,7 +121,14 @@ StressStiffness beam_stress_stiffness(const Vector3& first, const Vector3& secon
   const double twist = N * (section.I_y + section.I_z) / (section.A * L);
   K(3, 3) = K(9, 9) = twist;
   K(3, 9) = K(9, 3) = -twist;
-  return {in_global(axes, K), Dense(12, 12)};
+  StressStiffness result{in_global(axes, K), Dense(12, 12)};
+  if (free == 0) return result;
+  result.free = Dense(12, 1);
+  for (int i = 0; i < 3; ++i) {
+    result.free(6 + i, 0) = EA * free * axes[0][as_size(i)];
+    result.free(i, 0) = -result.free(6 + i, 0);
+  }
+  return result;
 }
 
 namespace {

@@ -150,16 +150,44 @@ Dense gyroscopic(const BodyDescription& body, const PlacedElement& at,
       "shells are seen in the frame that turns (frame: turning)");
 }
 
+namespace {
+
+/// Strain without stress along a beam or a rod.
+double free_along(const FreeStrain* free, const Material& material,
+                  const std::vector<Vector3>& x) {
+  if (!free) return 0;
+  if (free->uniform != std::array<double, 6>{})
+    throw Error("a pretension acts on it, and that is of solids");
+  if (free->temperature.empty()) return 0;
+  if (!material.solid.expansion)
+    throw Error("its material, which a temperature warms, has no expansion");
+  const std::array<double, 6>& e = *material.solid.expansion;
+  Vector3 t{};
+  double square = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    t[c] = x[1][c] - x[0][c];
+    square += t[c] * t[c];
+  }
+  double along = 0; // of one kelvin; engineering shears
+  for (std::size_t c = 0; c < 3; ++c) {
+    const std::size_t next = (c + 1) % 3;
+    along += e[c] * t[c] * t[c] + e[3 + c] * t[c] * t[next];
+  }
+  return 0.5 * (free->temperature[0] + free->temperature[1]) * along / square;
+}
+
+} // namespace
+
 StressStiffness stress_stiffness(const BodyDescription& body, const PlacedElement& at,
                                  const std::vector<double>& u, const FreeStrain* free,
                                  Deformation& deformation) {
   const MeshBlock& block = at.block();
   const std::vector<Vector3>& x = at.x;
-  if (free && dofs_per_node(block.type) != 3)
-    throw Error("a temperature or a pretension acts on it, and these are of solids");
   if (is_discrete(block.type))
     return {Dense(dofs_of(block), dofs_of(block)), Dense(dofs_of(block), dofs_of(block))};
   if (is_shell(block.type)) {
+    if (free)
+      throw Error("a temperature or a pretension acts on it, and shells take neither");
     const Shell shell = shell_of(body, at);
     return shell_stress_stiffness(block.type, x, shell.layers, shell.place, u,
                                   deformation);
@@ -167,11 +195,12 @@ StressStiffness stress_stiffness(const BodyDescription& body, const PlacedElemen
   const Material& material = body.materials.at(block.material);
   if (block.type == ElementType::rod2)
     return rod_stress_stiffness(x[0], x[1], material.beam,
-                                body.sections.at(block.section).A, u, deformation.stress);
+                                body.sections.at(block.section).A, u,
+                                free_along(free, material, x), deformation.stress);
   return block.type == ElementType::beam2
              ? beam_stress_stiffness(x[0], x[1], material.beam,
                                      body.sections.at(block.section), u,
-                                     deformation.stress)
+                                     free_along(free, material, x), deformation.stress)
              : solid_stress_stiffness(block.type, x, solid_of(material, at), u, free,
                                       deformation);
 }

@@ -162,11 +162,13 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
                               const BeamMaterial& material, const BeamSection& section);
 
 /// The same for a beam, of its axial force alone: ∫ N (v'² + w'² + (I_y + I_z)/A φ'²).
-/// @param u  twelve numbers, as in beam_matrices.
+/// @param u     twelve numbers, as in beam_matrices.
+/// @param free  its axial strain without stress.
 StressStiffness beam_stress_stiffness(const Vector3& first, const Vector3& second,
                                       const BeamMaterial& material,
                                       const BeamSection& section,
-                                      const std::vector<double>& u, double& stress);
+                                      const std::vector<double>& u, double free,
+                                      double& stress);
 
 /// By what a spin about `axis` softens a beam, for Ω² = 1: the second derivatives of
 /// ½∫ρ|distance from the axis|², sections turned by finite angles included.
@@ -196,9 +198,11 @@ Dense beam_gyroscopic(const Vector3& first, const Vector3& second,
 ElementMatrices rod_matrices(const Vector3& first, const Vector3& second,
                              const BeamMaterial& material, double A);
 
-/// What its tension adds to the stiffness across it. @param u  six numbers.
+/// What its tension adds to the stiffness across it. @param u  six numbers. @param free  its strain
+/// without stress.
 StressStiffness rod_stress_stiffness(const Vector3& first, const Vector3& second,
                                      const BeamMaterial& material, double A,
-                                     const std::vector<double>& u, double& stress);
+                                     const std::vector<double>& u, double free,
+                                     double& stress);
 
 } // namespace flexgram

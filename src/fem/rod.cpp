@@ -54,18 +54,26 @@ ElementMatrices rod_matrices(const Vector3& first, const Vector3& second,
 
 StressStiffness rod_stress_stiffness(const Vector3& first, const Vector3& second,
                                      const BeamMaterial& material, double A,
-                                     const std::vector<double>& u, double& stress) {
+                                     const std::vector<double>& u, double free,
+                                     double& stress) {
   const auto [along, length] = line_of(first, second);
   double stretch = 0;
   for (std::size_t c = 0; c < 3; ++c) stretch += along[c] * (u[3 + c] - u[c]);
-  const double tension = material.E * A * stretch / length;
+  const double EA = material.E * A, tension = EA * (stretch / length - free);
   stress = std::max(stress, std::abs(tension / A));
   Dense across(3, 3);
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j)
       across(i, j) =
           tension / length * ((i == j) - along[as_size(i)] * along[as_size(j)]);
-  return {between_ends(across), Dense(6, 6)};
+  StressStiffness result{between_ends(across), Dense(6, 6)};
+  if (free == 0) return result;
+  result.free = Dense(6, 1);
+  for (int i = 0; i < 3; ++i) {
+    result.free(3 + i, 0) = EA * free * along[as_size(i)];
+    result.free(i, 0) = -result.free(3 + i, 0);
+  }
+  return result;
 }
 
 } // namespace flexgram

@@ -18,11 +18,12 @@ import numpy as np
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import loose_shells, opposed, whole_faces
-from flexgram.body.meshfile import ALONE, SOLIDS, TURNING
+from flexgram.body.meshfile import ALONE, LINES, SOLIDS, TURNING
 from flexgram.body.reader import Reader
 from flexgram.body.second_order import MIDDLE, Gained
+from flexgram.body.sections import ROD
 from flexgram.body.spin import unit_axis
-from flexgram.body.stress import Stresses
+from flexgram.body.stress import Stresses, expansion_of
 from flexgram.body.whole import Block, Parts
 
 FIELDS = ("acceleration", "angular_acceleration", "spin")
@@ -101,6 +102,30 @@ def _table(mesh: BodyMesh, entry: Reader, *counts: int, mean: bool = False) -> t
     return nodes, values
 
 
+def _heat_of_lines(file: h5py.File, temperature: Floats) -> Floats:
+    """Forces (N, 3) [N] of beams and rods in a field of temperature (N,): E A α T along each,
+    T the mean of its ends."""
+    points = file["mesh/points"][:]
+    forces: Floats = np.zeros_like(points)
+    for block in file["mesh/blocks"].values():
+        nodes = block["connectivity"][:]
+        if str(block.attrs["type"]) not in LINES or not temperature[nodes].any():
+            continue
+        material = file["materials"][str(block.attrs["material"])].attrs
+        strain = expansion_of(material, np.reshape(material.get("axes", np.eye(3)), (3, 3)))
+        if strain is None:
+            raise BodyError("temperature: a material that it warms has no expansion [1/K]")
+        along = points[nodes[:, 1]] - points[nodes[:, 0]]
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        x, y, z = along.T
+        stretch = np.column_stack([x * x, y * y, z * z, x * y, y * z, z * x]) @ strain
+        stiffness = material["E"] * file["sections"][str(block.attrs["section"])].attrs["A"]
+        force = (stiffness * stretch * temperature[nodes].mean(axis=1))[:, None] * along
+        np.add.at(forces, nodes[:, 1], force)
+        np.add.at(forces, nodes[:, 0], -force)
+    return forces
+
+
 def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     """A field of temperature as the load of its strain; the field itself for stresses."""
     temperature = np.zeros(len(mesh.points))
@@ -116,10 +141,12 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     for middles in mesh.middles:
         temperature[middles.nodes] = temperature[middles.around] @ MIDDLE
     for kind, elements in mesh.blocks:
-        if kind not in (*SOLIDS, ALONE) and temperature[elements].any():
-            raise BodyError(f"{entry.where}: shells and beams take no temperature")
+        if kind not in (*SOLIDS, *LINES, ROD, ALONE) and temperature[elements].any():
+            raise BodyError(f"{entry.where}: shells take no temperature")
     with errors_of(entry.where):
-        forces, _ = Stresses.of(mesh.file).heated(temperature)
+        forces = _heat_of_lines(mesh.file, temperature)
+        if any(kind in SOLIDS for kind, _ in mesh.blocks):
+            forces = forces + Stresses.of(mesh.file).heated(temperature)[0]
     used = np.flatnonzero(np.any(forces != 0, axis=1))
     if not len(used):
         raise BodyError(f"{entry.where}: it warms nothing that deforms")

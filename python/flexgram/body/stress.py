@@ -80,7 +80,7 @@ class Solid(NamedTuple):
         return strain
 
 
-def _expansion(material: Any, axes: Floats) -> Floats | None:
+def expansion_of(material: Any, axes: Floats) -> Floats | None:
     """Strain of one kelvin (..., 6), of a material of a body file with axes (..., 3, 3)."""
     if "expansion" not in material:
         return None
@@ -138,10 +138,10 @@ class Stresses:
             if "axes" in group and "E" not in steel:
                 of_elements = group["axes"][:]
                 law = turned(stiffness_of(steel, own_axes=True).reshape(6, 6), of_elements)
-                expansion = _expansion(steel, whole_axes(of_elements))
+                expansion = expansion_of(steel, whole_axes(of_elements))
             else:
                 law = stiffness_of(steel).reshape(6, 6)
-                expansion = _expansion(steel, np.reshape(steel.get("axes", np.eye(3)), (3, 3)))
+                expansion = expansion_of(steel, np.reshape(steel.get("axes", np.eye(3)), (3, 3)))
             blocks.append(Solid(kind, nodes, law, expansion, ids).only(deforms))
         if not blocks:
             raise BodyError("the body has no solids that deform: no stresses")

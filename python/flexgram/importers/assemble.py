@@ -20,7 +20,7 @@ from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
 from flexgram.importers.alone import hold_untouched
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
-from flexgram.importers.deck import TURNING, Deck, read_deck
+from flexgram.importers.deck import SHELL_KINDS, Deck, read_deck
 from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
 from flexgram.importers.deck_constraints import along, equations_of, ties_of
@@ -431,7 +431,7 @@ def _add_loads_of_steps(
 ) -> list[str]:
     """Add the loads of the deck's steps to ``loads``; returns what is to be said of them."""
     of_steps, remarks = loads_of(job, deck)
-    thin = any(kind in TURNING for kind, _ in deck.elements.values())
+    has_shells = any(kind in SHELL_KINDS for kind, _ in deck.elements.values())
     used = {node for _, nodes in deck.elements.values() for node in nodes}
     references = {
         node
@@ -462,8 +462,8 @@ def _add_loads_of_steps(
                 f"({', '.join(map(str, sorted(at_references)))}), whose interfaces are inputs"
             )
             continue
-        if load.kind == "temperature" and thin:
-            remarks.append(f"load {load.name} is left out: shells and beams take no temperature")
+        if load.kind == "temperature" and has_shells:
+            remarks.append(f"load {load.name} is left out: shells take no temperature")
             continue
         rows = load.table.copy()
         rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1
