@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from scipy.sparse.linalg import splu
 import flexgram
 from conftest import run
 from flexgram import BodyError, ReducedModel
+from flexgram.body.terms import split_stiffness
 from flexgram.importers import read
 
 N = 40
@@ -31,6 +33,7 @@ def chain(stiffness: np.ndarray) -> sp.csc_matrix:
 
 SPRINGS = 1e6 * (1 + 0.3 * np.cos(np.arange(N)))
 K = chain(SPRINGS * (1 + 1j * LOSS))
+K.sort_indices()  # SciPy's K.real and K.imag share indices with K, and sort them alone
 M = sp.diags(np.where(np.arange(N) % 9 == 4, 0.0, 1.0)).tocsc()  # singular
 B = np.zeros((N, 2))
 B[9, 0] = B[-1, 1] = 1.0
@@ -76,7 +79,7 @@ def market(folder: Path) -> Path:
 
 def op4(folder: Path) -> Path:
     pyyeti = pytest.importorskip("pyyeti.nastran.op4")
-    pyyeti.write(str(folder / "body.op4"), {"KAA": K, "MAA": M})
+    pyyeti.write(str(folder / "body.op4"), {"KAA": K.copy(), "MAA": M.copy()})
     return folder / "body.op4"
 
 
@@ -158,6 +161,18 @@ def test_python(tmp_path: Path) -> None:
     flexgram.write_matrices(tmp_path / "body.h5", K, M, B, S=more, eta=0.02)
     rom = flexgram.reduce(tmp_path / "body.h5", BAND, 1e-5)
     check_claim(rom, (K + 1j * more + 0.02j * K.real).tocsc())
+
+
+def test_entries_in_any_order() -> None:
+    """Of an unsorted K, which stays as it is."""
+    order = np.concatenate([np.arange(a, b)[::-1] for a, b in itertools.pairwise(K.indptr)])
+    given = sp.csc_matrix((K.data[order], K.indices[order], K.indptr), shape=K.shape)
+    assert not given.has_sorted_indices
+    before = given.data.copy(), given.indices.copy()
+    real, S, eta = split_stiffness(given, sp.identity(N), 0.1)
+    assert np.array_equal(real.toarray(), K.toarray().real)
+    assert np.array_equal(S.toarray(), K.toarray().imag + np.eye(N)) and eta == 0.1
+    assert np.array_equal(given.data, before[0]) and np.array_equal(given.indices, before[1])
 
 
 def test_what_is_refused(tmp_path: Path) -> None:

@@ -125,10 +125,13 @@ def split_stiffness(
     BodyError
         Naming ``where``, if the imaginary part is not symmetric, or gives energy.
     """
-    entries = K.data if sp.issparse(K) else K
-    if hasattr(K, "handle") or not np.iscomplexobj(entries):
+    if hasattr(K, "handle") or not np.iscomplexobj(K):
         return K, S, eta
-    real, imaginary = sp.csr_matrix(K.real), sp.csr_matrix(K.imag)
+    whole = sp.csr_matrix(K)
+    real, imaginary = (  # with arrays of their own: parts of SciPy's share them
+        sp.csr_matrix((part.copy(), whole.indices.copy(), whole.indptr.copy()), shape=whole.shape)
+        for part in (whole.data.real, whole.data.imag)
+    )
     largest = abs(imaginary).max()
     if largest == 0:
         return real, S, eta
