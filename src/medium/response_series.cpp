@@ -92,6 +92,12 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
   return series;
 }
 
+double column_norm(const ComplexDense& a, int j) {
+  double sum = 0;
+  for (int i = 0; i < a.rows; ++i) sum += std::norm(a(i, j));
+  return std::sqrt(sum);
+}
+
 /// A_0 + A_1 t + … of a system with terms: diagonals, and the terms' matrices times the series
 /// of their factors.
 struct CoupledSeries {
@@ -166,12 +172,6 @@ struct CoupledSeries {
   std::vector<LawSeries> factors;
   std::vector<Diagonal> diagonals;
 };
-
-double column_norm(const ComplexDense& a, int j) {
-  double sum = 0;
-  for (int i = 0; i < a.rows; ++i) sum += std::norm(a(i, j));
-  return std::sqrt(sum);
-}
 
 /// ‖A⁻¹(A(ω) − A)‖ at most, anywhere in the interval, and its parts that the remainder of a
 /// series needs.
