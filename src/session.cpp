@@ -13,12 +13,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <initializer_list>
 #include <sstream>
 #include <thread>
 
@@ -38,38 +38,43 @@ bool all_ranks_failed(MPI_Comm handshake) {
   return false;
 }
 
-bool is_help(const char* word) {
-  for (const char* spelling : {"-help", "--help", "-h", "help"})
-    if (!std::strcmp(word, spelling)) return true;
-  return false;
+bool is_one_of(const std::string& word, std::initializer_list<const char*> spellings) {
+  return std::any_of(spellings.begin(), spellings.end(),
+                     [&](const char* spelling) { return word == spelling; });
 }
 
-/// The first word behind the verb that is neither an option nor the value of one.
-std::string stray_word(int argc, char** argv) {
-  const auto is_option = [](const char* word) {
-    return word[0] == '-' && std::isalpha(static_cast<unsigned char>(word[1]));
-  };
-  for (int i = 2; i < argc; ++i)
-    if (!is_option(argv[i]) && (i == 2 || !is_option(argv[i - 1]))) return argv[i];
-  return "";
+/// PETSc's -help tells all, as everywhere in PETSc.
+bool asks_for_all(const std::string& word) {
+  return is_one_of(word, {"-help", "--help-all"});
 }
 
-/// What to write instead of a stray word.
-std::string instead_of(const std::string& stray, int argc, char** argv) {
-  if (stray.rfind("--", 0) == 0)
-    return text("options of this verb have one dash: %s", stray.c_str() + 1);
-  if (argc > 2 && stray == argv[2])
-    return text("name what it is: -body %s (flexgram %s -help)", stray.c_str(), argv[1]);
-  return "an option takes one word, lists have commas (-mor_band_hz 10,500)";
+bool asks_for_help(const std::string& word) {
+  return asks_for_all(word) || is_one_of(word, {"--help", "-h", "help"});
 }
+
+/// Words as a C program takes them, which live as long as this does.
+class Arguments {
+public:
+  explicit Arguments(std::vector<std::string> words) : words_(std::move(words)) {
+    for (std::string& word : words_) pointers_.push_back(word.data());
+    pointers_.push_back(nullptr);
+  }
+  int count() const { return static_cast<int>(words_.size()); }
+  char** words() { return pointers_.data(); }
+
+private:
+  std::vector<std::string> words_;
+  std::vector<char*> pointers_;
+};
 
 /// PETSc would answer a missing file, or a line that is none, with pages.
-void require_options_file(int argc, char** argv) {
-  for (int i = 2; i + 1 < argc; ++i) {
-    if (std::strcmp(argv[i], "-options_file") != 0) continue;
-    if (access(argv[i + 1], R_OK) != 0)
-      throw Error(text("-options_file %s: %s", argv[i + 1], std::strerror(errno)));
-    std::ifstream file(argv[i + 1]);
+void require_options_file(const std::vector<std::string>& all) {
+  for (std::size_t i = 0; i + 1 < all.size(); ++i) {
+    if (all[i] != "-options_file") continue;
+    const std::string& path = all[i + 1];
+    if (access(path.c_str(), R_OK) != 0)
+      throw Error("-options_file " + path + ": " + std::strerror(errno));
+    std::ifstream file(path);
     int number = 1;
     for (std::string line; std::getline(file, line); ++number) {
       line.erase(std::min(line.find('#'), line.size()));
@@ -80,7 +85,7 @@ void require_options_file(int argc, char** argv) {
           value[0] != '\'' && value[0] != '-' && more[0] != '-')
         throw Error(text("-options_file %s, line %d: %s %s %s: an option takes one word, "
                          "lists have commas and no spaces",
-                         argv[i + 1], number, option.c_str(), value.c_str(),
+                         path.c_str(), number, option.c_str(), value.c_str(),
                          more.c_str()));
     }
   }
@@ -130,22 +135,23 @@ std::string printable(const std::string& message) {
 
 } // namespace
 
-int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
-                const std::function<std::string(const std::string&)>& help,
-                const std::function<int(const std::string&, MPI_Comm)>& run) {
-  std::string verb = argc > 1 ? argv[1] : "-help";
-  bool wants_help = false;
-  for (int i = 1; i < argc; ++i) wants_help = wants_help || is_help(argv[i]);
+int run_session(int argc, char** argv, const Program& program) {
+  const std::vector<std::string> given(argv + std::min(argc, 1), argv + argc);
+  const std::string verb = given.empty() ? "" : given.front();
 
   std::signal(SIGXFSZ, SIG_IGN); // a file size limit is an error of write, not a crash
   MPI_Init(&argc, &argv);
   std::signal(SIGABRT, aborted);
   const int rank = comm_rank(MPI_COMM_WORLD);
-  if (wants_help || argc <= 1) {
-    const std::string of_verb = argc <= 1                    ? ""
-                                : verb == "help" && argc > 2 ? argv[2]
-                                                             : verb;
-    if (rank == 0) std::fputs(help(of_verb).c_str(), stdout);
+  const auto tell_and_end = [&](const std::string& error) {
+    if (rank == 0) tell_error(error);
+    MPI_Finalize();
+    return 1;
+  };
+  if (given.empty() || std::any_of(given.begin(), given.end(), asks_for_help)) {
+    const std::string of_verb = verb == "help" && given.size() > 1 ? given[1] : verb;
+    const bool all = std::any_of(given.begin(), given.end(), asks_for_all);
+    if (rank == 0) std::fputs(program.help(of_verb, all).c_str(), stdout);
     MPI_Finalize();
     return 0;
   }
@@ -156,33 +162,33 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     MPI_Finalize();
     return 0;
   }
-  if (std::find(verbs.begin(), verbs.end(), verb) == verbs.end()) {
-    if (rank == 0)
-      tell_error("unknown verb " + verb + ": must be one of " + join(verbs) +
-                 " (did you mean " + nearest(verb, verbs) + "?)");
-    MPI_Finalize();
-    return 1;
+  const auto& verbs = program.verbs;
+  if (std::find(verbs.begin(), verbs.end(), verb) == verbs.end())
+    return tell_and_end("unknown verb " + verb + ": must be one of " + join(verbs) +
+                        " (did you mean " + nearest(verb, verbs) + "?)");
+  std::vector<std::string> words;
+  try {
+    words = program.petsc_words(verb, {given.begin() + 1, given.end()});
+    require_options_file(words);
+  } catch (const Error& error) {
+    return tell_and_end(error.what());
   }
-
-  if (const std::string stray = stray_word(argc, argv); !stray.empty()) {
-    if (rank == 0)
-      tell_error("stray word " + stray + ": " + instead_of(stray, argc, argv));
-    MPI_Finalize();
-    return 1;
-  }
+  words.insert(words.begin(), {argv[0], verb});
+  Arguments arguments(std::move(words));
+  argc = arguments.count();
+  argv = arguments.words();
   int status = 0;
   MPI_Comm handshake;
   MPI_Comm_dup(MPI_COMM_WORLD, &handshake);
   std::string message;
   try {
-    require_options_file(argc, argv);
     const PetscErrorCode started = SlepcInitialize(&argc, &argv, nullptr, nullptr);
     if (started) throw Error("PETSc or SLEPc did not start; see the message above");
     install_petsc_error_handler();
     std::signal(SIGPIPE, SIG_IGN); // a closed pipe (| head) ends the talk, not the work
     reserve_blas_buffers();
     FG_CALL(PetscLogDefaultBegin());
-    status = run(verb, PETSC_COMM_WORLD);
+    status = program.run(verb, PETSC_COMM_WORLD);
     warn_of_unused_options();
   } catch (const std::bad_alloc&) {
     message = out_of_memory;

@@ -210,7 +210,7 @@ class ReducedModel(ReducedBody):
         ------
         BodyError
             If dampers hold the body against the ground, or if rigid motion is mixed into the basis
-            (``-mor_frame none``, ``pod`` of a free body).
+            (``--frame none``, ``pod`` of a free body).
 
         Examples
         --------

@@ -24,13 +24,17 @@ void Observer::skip(const std::string& what, const std::string& why) {
 
 void Observer::print() {
   for (; printed_ < facts_.size(); ++printed_)
-    say(text("  %-14s %s", facts_[printed_].first.c_str(),
-             facts_[printed_].second.c_str()));
+    plan(text("  %-14s %s", facts_[printed_].first.c_str(),
+              facts_[printed_].second.c_str()));
 }
 
 void Observer::say(const std::string& line) const {
   if (speaks_ && level_ != Level::silent)
     PetscPrintf(PETSC_COMM_SELF, "%s\n", option_names(line).c_str());
+}
+
+void Observer::plan(const std::string& line) const {
+  if (level_ >= Level::plan) say(line);
 }
 
 void Observer::detail(const std::string& line) const {

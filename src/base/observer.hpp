@@ -15,17 +15,20 @@ namespace flexgram {
 /// see option_names().
 class Observer {
 public:
-  enum class Level { silent, summary, detail };
+  /// What is printed: nothing; what came in and out, with warnings and progress; the plan
+  /// too; each factorisation too.
+  enum class Level { silent, summary, plan, detail };
   explicit Observer(MPI_Comm comm, Level level = Level::summary);
 
   void fact(const std::string& name, const std::string& value);
   void skip(const std::string& what, const std::string& why);
-  /// Prints the facts since the last call.
+  /// Prints the facts since the last call, as lines of the plan.
   void print();
   /// Name and value, as they were told.
   const std::vector<std::pair<std::string, std::string>>& facts() const { return facts_; }
 
-  void say(const std::string& line) const;    ///< summary and detail
+  void say(const std::string& line) const;    ///< unless silent
+  void plan(const std::string& line) const;   ///< plan and detail
   void detail(const std::string& line) const; ///< detail only
   /// Printed at once, and stored in /log/warnings.
   void warn(const std::string& line);

@@ -181,8 +181,9 @@ void Options::reject_unknown() const {
                     [&](const auto& prefix) { return name.rfind(prefix, 0) == 0; }))
       continue;
     const std::string meant = no_prefix ? "-mor_" + name.substr(1) : nearest(name, known);
-    throw Error(text("unknown option %s: did you mean %s? (flexgram -help lists all)",
-                     name.c_str(), meant.c_str()));
+    throw Error(
+        text("unknown option %s: did you mean %s? (flexgram VERB --help-all lists all)",
+             name.c_str(), meant.c_str()));
   }
 }
 
@@ -195,13 +196,13 @@ std::string Options::help(const std::string& verb) const {
     const std::string title =
         option.section + (verb.empty() ? " (" + join(verbs) + ")" : std::string());
     if (title != section) result += "\n" + (section = title) + "\n";
-    std::string head = option.name;
+    std::string head = short_name(option.name) + ", " + option.name;
     if (!option.choices.empty()) head += " <" + option.choices + ">";
     if (!option.value.empty()) head += " [" + option.value + "]";
     if (!option.unit.empty()) head += " " + option.unit;
     result += "  " + head + "\n";
     std::string line = "     ";
-    for (const auto& word : split(option.help, ' ')) {
+    for (const auto& word : split(option_names(option.help), ' ')) {
       if (line.size() + word.size() > 88) {
         result += line + "\n";
         line = "     ";

@@ -61,6 +61,11 @@ std::set<std::string>& option_keys() {
   return keys;
 }
 
+OptionStyle& option_style() {
+  static OptionStyle style = OptionStyle::command_line;
+  return style;
+}
+
 /// A key, or one of a numbered family: mumps_cntl_1.
 bool is_option_key(const std::string& key) {
   const std::size_t digits = key.find_last_not_of("0123456789") + 1;
@@ -74,16 +79,45 @@ void know_option(const std::string& name) {
   if (name.rfind("-mor_", 0) == 0) option_keys().insert(name.substr(5));
 }
 
+std::string short_name(std::string option) {
+  if (option.rfind("-mor_", 0) == 0) option.erase(1, 4);
+  if (option.size() > 3 && option.compare(option.size() - 3, 3, "_hz") == 0)
+    option.erase(option.size() - 3);
+  std::replace(option.begin(), option.end(), '_', '-');
+  return "-" + option;
+}
+
+void set_option_style(OptionStyle style) { option_style() = style; }
+
 std::string option_names(const std::string& message) {
+  const std::string prefix = "-mor_";
+  const auto told = [](const std::string& key) {
+    if (option_style() == OptionStyle::command_line) return short_name("-mor_" + key);
+    return key == "tol_relative_to" ? std::string("relative_to") : key;
+  };
   std::string result;
   for (std::size_t i = 0; i < message.size(); ++i) {
-    const std::size_t end = message[i] == '{' ? message.find('}', i) : std::string::npos;
-    if (end == std::string::npos || !is_option_key(message.substr(i + 1, end - i - 1))) {
-      result += message[i];
-      continue;
+    std::size_t begin = i, end = i, next = i;
+    if (message[i] == '{') {
+      begin = i + 1;
+      end = std::min(message.find('}', begin), message.size());
+      next = end;
+    } else if (message.compare(i, prefix.size(), prefix) == 0) {
+      begin = i + prefix.size();
+      end = begin;
+      while (
+          end < message.size() &&
+          (std::isalnum(static_cast<unsigned char>(message[end])) || message[end] == '_'))
+        ++end;
+      next = end - 1;
     }
-    result += "-mor_" + message.substr(i + 1, end - i - 1);
-    i = end;
+    const std::string key = message.substr(begin, end - begin);
+    if (end > begin && is_option_key(key)) {
+      result += told(key);
+      i = next;
+    } else {
+      result += message[i];
+    }
   }
   return result;
 }

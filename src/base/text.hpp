@@ -19,9 +19,14 @@ std::string join(const std::vector<std::string>& words,
 /// Splits at `separator`, drops empty parts and surrounding blanks.
 std::vector<std::string> split(std::string_view line, char separator);
 
-/// "{tol} is not met" → "-mor_tol is not met": the mathematics names what a user can set
-/// by its key, and the texts that leave the program by the option. Braces around anything
-/// else, such as a part of a file's name, stay.
+/// "--band" of "-mor_band_hz": an option in the short words of the command line.
+std::string short_name(std::string option);
+/// How texts name options: --band, or band_hz as Python's keyword.
+enum class OptionStyle { command_line, keyword };
+void set_option_style(OptionStyle style);
+/// "{tol} is not met" or "-mor_tol is not met" → "--tol is not met": the mathematics names what
+/// a user can set by its key, and the texts that leave the program by the option. Braces around
+/// anything else, such as a part of a file's name, stay.
 std::string option_names(const std::string& message);
 /// "-mor_tol": the registry tells every option that there is.
 void know_option(const std::string& name);

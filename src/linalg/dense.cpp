@@ -226,6 +226,49 @@ double norm_bound(const ComplexDense& a) {
   return std::sqrt(std::min(one * most, squares)) * (1 + 1e-12);
 }
 
+std::vector<double> balancing(const ComplexDense& a) {
+  constexpr int sweeps = 4;
+  constexpr double most = 1e3; // and its inverse
+  const int n = a.rows;
+  std::vector<double> squares(a.data.size()), D(static_cast<std::size_t>(n), 1.0);
+  for (std::size_t i = 0; i < squares.size(); ++i) squares[i] = std::norm(a.data[i]);
+  const auto at = [&](int i, int j) -> double& {
+    return squares[static_cast<std::size_t>(j) * static_cast<std::size_t>(n) +
+                   static_cast<std::size_t>(i)];
+  };
+  for (int sweep = 0; sweep < sweeps; ++sweep) {
+    double changed = 1;
+    for (int k = 0; k < n; ++k) {
+      double row = 0, column = 0;
+      for (int i = 0; i < n; ++i)
+        if (i != k) {
+          row += at(k, i);
+          column += at(i, k);
+        }
+      if (!(row > 0) || !(column > 0)) continue;
+      double& d = D[static_cast<std::size_t>(k)];
+      const double now = std::clamp(d * std::pow(row / column, 0.25), 1 / most, most),
+                   by = (now / d) * (now / d);
+      d = now;
+      changed = std::max({changed, by, 1 / by});
+      for (int i = 0; i < n; ++i)
+        if (i != k) {
+          at(k, i) /= by;
+          at(i, k) *= by;
+        }
+    }
+    if (changed < 1.5) break;
+  }
+  return D;
+}
+
+ComplexDense balanced(ComplexDense a, const std::vector<double>& D) {
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < a.rows; ++i)
+      a(i, j) *= D[static_cast<std::size_t>(j)] / D[static_cast<std::size_t>(i)];
+  return a;
+}
+
 ComplexDense multiply(const Dense& a, const ComplexDense& b) {
   return real_times_complex("N", a, b);
 }

@@ -60,6 +60,11 @@ double frobenius_norm(const ComplexDense& a);
 ComplexDense as_complex(const Dense& a);
 /// At least the spectral norm: √(‖A‖₁‖A‖∞), or ‖A‖_F.
 double norm_bound(const ComplexDense& a);
+/// The diagonal of D with which rows and columns of D⁻¹AD are about equally large (Osborne 1960);
+/// within a factor of 10⁶, lest rounding of A matter.
+std::vector<double> balancing(const ComplexDense& a);
+/// D⁻¹AD.
+ComplexDense balanced(ComplexDense a, const std::vector<double>& D);
 /// |a_ii|, or what another row leaves of it, |a_ij|²/|a_jj|, if that is more: by the roots of these
 /// a matrix is scaled whose diagonal may vanish.
 double pivot_size(const ComplexDense& a, int i);

@@ -92,12 +92,6 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
   return series;
 }
 
-double column_norm(const ComplexDense& a, int j) {
-  double sum = 0;
-  for (int i = 0; i < a.rows; ++i) sum += std::norm(a(i, j));
-  return std::sqrt(sum);
-}
-
 /// A_0 + A_1 t + … of a system with terms: diagonals, and the terms' matrices times the series
 /// of their factors.
 struct CoupledSeries {
@@ -174,7 +168,8 @@ struct CoupledSeries {
 };
 
 /// ‖A⁻¹(A(ω) − A)‖ at most, anywhere in the interval, and its parts that the remainder of a
-/// series needs.
+/// series needs: in the norm ‖D⁻¹x‖ of a diagonal D that balances A⁻¹A_1. Slow modes beside fast
+/// ones are large in the Euclidean norm, by the ratio of their frequencies.
 struct Distance {
   Distance(const CoupledSeries& A, const ComplexDense& inverse) {
     const int N = A.order();
@@ -186,31 +181,36 @@ struct Distance {
         bend(i, j) = inverse(i, j) * d.d2;
       }
     }
-    curved = norm_bound(bend);
-    whole = curved;
+    std::vector<ComplexDense> of_moving; // (A⁻¹T)ᵀ
     // The transpose of A⁻¹T is TᵀA⁻ᵀ: TA⁻¹ where both are symmetric.
     const ComplexDense of_transposed = A.symmetric ? ComplexDense() : transpose(inverse);
     for (std::size_t t = 0; t < A.T.size(); ++t) {
       const LawSeries& g = A.factors[t];
       if (g.moved() == 0) {
-        of_terms.push_back(0);
+        of_moving.emplace_back();
         continue;
       }
-      const ComplexDense transposed = A.symmetric
-                                          ? multiply(A.T[t], inverse)
-                                          : multiply(transpose(A.T[t]), of_transposed);
+      ComplexDense transposed = A.symmetric ? multiply(A.T[t], inverse)
+                                            : multiply(transpose(A.T[t]), of_transposed);
       for (int j = 0; j < N; ++j)
         for (int i = 0; i < N; ++i) slope(i, j) += g.coefficients[1] * transposed(j, i);
-      of_terms.push_back(norm_bound(transposed));
-      whole += of_terms.back() * g.beyond_linear();
+      of_moving.push_back(std::move(transposed));
     }
-    whole += norm_bound(slope);
+    D = balancing(slope);
+    curved = norm_bound(balanced(bend, D));
+    whole = curved + norm_bound(balanced(slope, D));
+    std::vector<double> inverse_D;
+    for (double d : D) inverse_D.push_back(1 / d);
+    for (std::size_t t = 0; t < of_moving.size(); ++t) {
+      of_terms.push_back(norm_bound(balanced(of_moving[t], inverse_D)));
+      whole += of_terms.back() * A.factors[t].beyond_linear();
+    }
   }
   /// Of a column what t^(degree + 2) and further powers leave of the equation, and the rests of
   /// the factors. @param X  X_0 … X_degree.
   double left(const CoupledSeries& A, const std::vector<ComplexDense>& X,
               int column) const {
-    double sum = curved * column_norm(X.back(), column);
+    double sum = curved * norm(X.back(), column);
     for (std::size_t t = 0; t < of_terms.size(); ++t) {
       const LawSeries& g = A.factors[t];
       if (g.beyond_linear() == 0) continue;
@@ -218,12 +218,19 @@ struct Distance {
         double beyond = g.rest;
         for (std::size_t l = X.size() + 1 - k; l < g.coefficients.size(); ++l)
           beyond += std::abs(g.coefficients[l]);
-        sum += of_terms[t] * beyond * column_norm(X[k], column);
+        sum += of_terms[t] * beyond * norm(X[k], column);
       }
     }
     return sum;
   }
 
+  double norm(const ComplexDense& x, int column) const {
+    double sum = 0;
+    for (int i = 0; i < x.rows; ++i) sum += std::norm(x(i, column) / D[as_size(i)]);
+    return std::sqrt(sum);
+  }
+
+  std::vector<double> D;
   double whole = 0, curved = 0; ///< the second: of A_2's diagonal
   std::vector<double> of_terms; ///< ‖A⁻¹T‖
 };
@@ -263,8 +270,8 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
     else // what the series leaves, by Neumann's series
       for (int j = 0; j < p; ++j) {
         const double left =
-            (column_norm(next, j) + away->left(A, X, j)) / (1 - away->whole);
-        for (int i = 0; i < N; ++i) series.x.tail(i, j) = left;
+            (away->norm(next, j) + away->left(A, X, j)) / (1 - away->whole);
+        for (int i = 0; i < N; ++i) series.x.tail(i, j) = left * away->D[as_size(i)];
       }
   }
   // Rounding, entry by entry: |A⁻¹| times that of the equations' terms.

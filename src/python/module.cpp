@@ -13,6 +13,7 @@
 #include "medium/medium_io.hpp"
 #include "python/body.hpp"
 #include "run/reduce.hpp"
+#include "run/summary.hpp"
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -153,7 +154,8 @@ std::unique_ptr<Reduction> result_of(Call& call, const SecondOrderModel& body,
   auto result = std::make_unique<Reduction>();
   result->rom = std::move(rom);
   result->body.model = body.head(); // its file needs no more than the dof map
-  print_summary(*call.observer, body.comm);
+  say_result(result->rom, body, *call.observer);
+  say_time(*call.observer, body.comm);
   result->options = std::move(call.options);
   result->observer = std::move(call.observer);
   return result;
@@ -225,7 +227,7 @@ certify_call(std::intptr_t comm_handle, PythonBody* given,
     throw Error("method pod has no medium model to certify");
   const Body body = body_of(comm, given, call);
   result->medium = certify_body(body, call.settings, true, *call.observer);
-  print_summary(*call.observer, comm);
+  say_time(*call.observer, comm);
   for (const Option& option : call.options.all())
     result->options[option.name] = option.value;
   result->plan = call.observer->facts();
@@ -349,6 +351,7 @@ py::tuple shell_strain_arrays(const PythonShell& shell, const std::string& eleme
 PYBIND11_MODULE(_flexgram, module) {
   using namespace flexgram;
   fit_blas_kernels();
+  set_option_style(OptionStyle::keyword);
   module.def("start", &start);
   module.def("options", &options);
   module.def("shape_functions", &shape_functions);

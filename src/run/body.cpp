@@ -8,6 +8,7 @@
 #include "model/frame_integrals.hpp"
 #include "model/parameters.hpp"
 #include "model/rigid_body_modes.hpp"
+#include "run/summary.hpp"
 
 #include <unistd.h>
 
@@ -121,7 +122,8 @@ void add_spin_loads(SecondOrderModel& model) {
 } // namespace
 
 Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
-  if (settings.body.empty()) throw Error("option -body is missing: name a body file");
+  if (settings.body.empty())
+    throw Error("no body file is named: flexgram reduce part.h5, where flexgram import makes part.h5");
   Body body;
   const Hdf5File file = Hdf5File::open(comm, settings.body);
   body.assembled = holds_mesh(file);
@@ -224,6 +226,7 @@ void begin_plan(Body& body, const Settings& settings, Observer& observer) {
   for (const auto& remark : model.remarks) observer.fact("symmetry", remark);
   if (model.undamped())
     observer.skip("complex arithmetic", "the body is undamped, its samples are real");
+  say_body(model, observer);
 }
 
 BodyFacts check(const Body& body, const Settings& s, Observer& observer) {
@@ -240,14 +243,6 @@ BodyFacts check(const Body& body, const Settings& s, Observer& observer) {
     observer.skip(what.substr(0, colon), what.substr(colon + 2));
   }
   return facts;
-}
-
-void print_summary(const Observer& observer, MPI_Comm comm) {
-  std::string line;
-  for (const auto& [stage, seconds] : observer.stages())
-    line += text("%s%s %.2f s", line.empty() ? "" : ", ", stage.c_str(), seconds);
-  const double peak = max_over(comm, peak_memory_mb());
-  observer.say(text("  %-14s %s; peak %.0f MB on a rank", "time", line.c_str(), peak));
 }
 
 } // namespace flexgram

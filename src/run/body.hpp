@@ -49,7 +49,4 @@ void warn_of_another_run(const std::string& path,
                          std::optional<std::filesystem::file_time_type> before,
                          Observer& observer);
 
-/// Stages with their seconds, and the peak of memory.
-void print_summary(const Observer& observer, MPI_Comm comm);
-
 } // namespace flexgram

@@ -11,6 +11,7 @@
 #include "model/parameters.hpp"
 #include "model/rigid_body_modes.hpp"
 #include "run/loads.hpp"
+#include "run/summary.hpp"
 #include "run/sweep.hpp"
 #include "sampling/pod.hpp"
 
@@ -62,15 +63,6 @@ ReducedModel reduce_by_samples(const Body& body, const Settings& s, Observer& ob
   const BodyFacts facts = check(body, s, observer);
   observer.print();
   return reduce_pod(body.model, solves, s.sampling_spec(), facts.rigid_modes, observer);
-}
-
-std::string words_of(const std::vector<Interval>& bands) {
-  std::vector<std::string> words;
-  for (const Interval& band : bands)
-    words.push_back(band.first == band.last
-                        ? text("%g", band.first * hz)
-                        : text("%g-%g", band.first * hz, band.last * hz));
-  return join(words) + " Hz";
 }
 
 /// The medium model is made by all ranks together.
@@ -237,8 +229,12 @@ bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
     Stage stage(observer, "write");
     write_reduced(rom, options, observer, body, s.out);
   }
-  print_summary(observer, body.comm);
+  say_result(rom, body, observer);
+  say_time(observer, body.comm);
   observer.say("  wrote          " + s.out);
+  say_next("flexgram report " + s.out + " -o " +
+               std::filesystem::path(s.out).stem().string() + ".html",
+           observer);
   return !rom.claim.supremum || rom.claim.supremum->met;
 }
 
@@ -391,15 +387,19 @@ void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& obser
   warn_of_another_run(out, before, observer);
   write_medium_file(medium, s, options, observer, out);
   remove(checkpoint, comm);
-  print_summary(observer, comm);
+  observer.say(text("Medium model of %d dofs: %s.", medium.levels.back().order(),
+                    medium.claim().c_str()));
+  say_time(observer, comm);
   observer.say("  wrote          " + out);
+  say_next("flexgram cut " + out + " --tol 1e-4 -o rom.h5", observer);
 }
 
 bool cut(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
   s.choose_tolerance(observer);
   if (s.medium.empty())
-    throw Error("option -medium is missing: name a file of flexgram certify");
+    throw Error(
+        "no medium model: name a file of flexgram certify, flexgram cut medium.h5");
   check_output(comm, s.out, {s.medium});
   check_default_output(comm, s.out, options, "-mor_out", "/gramian");
   const auto before = written_at(s.out);
@@ -429,7 +429,7 @@ void plan_only(MPI_Comm comm, Settings& s, Observer& observer) {
     describe_two_step(body, s, observer);
   }
   observer.print();
-  print_summary(observer, comm);
+  say_time(observer, comm);
 }
 
 } // namespace flexgram

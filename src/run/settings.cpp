@@ -50,11 +50,15 @@ void Settings::describe(Options& options) {
       "scale better than parallel ones)");
   describe_solver(options);
   options.section("Output", all_verbs);
-  options.add_word("-mor_monitor", monitor,
-                   {{"silent", Observer::Level::silent},
-                    {"summary", Observer::Level::summary},
-                    {"detail", Observer::Level::detail}},
-                   "what is printed; detail adds a line for each factorisation");
+  options.add_word(
+      "-mor_monitor", monitor,
+      {{"silent", Observer::Level::silent},
+       {"summary", Observer::Level::summary},
+       {"plan", Observer::Level::plan},
+       {"detail", Observer::Level::detail}},
+      "what is printed. summary: what came in and out, warnings, progress; plan "
+      "(-v): what is done and skipped and why, with times; detail (-vv): a line "
+      "for each factorisation too");
 }
 
 void Settings::describe_files(Options& options) {

@@ -4,6 +4,7 @@
 #include "base/text.hpp"
 #include "io/reduced_io.hpp"
 #include "model/project.hpp"
+#include "run/summary.hpp"
 
 #include <algorithm>
 
@@ -109,9 +110,12 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& o
       epsilon.push_back(relative_error(H[l], H_rom.back()));
     }
     const auto worst = std::max_element(epsilon.begin(), epsilon.end());
-    observer.fact("error",
-                  text("at most %.2e of %zu frequencies, at %.4g Hz", *worst,
-                       omega.size(), omega[as_size(worst - epsilon.begin())] * hz));
+    const std::string words =
+        text("at most %.2e of %zu frequencies, at %.4g Hz", *worst, omega.size(),
+             omega[as_size(worst - epsilon.begin())] * hz);
+    observer.fact("error", words);
+    if (observer.level() == Observer::Level::summary)
+      observer.say("The relative error of H is " + words + ".");
   }
   observer.fact("solves", text("%d factorisations, backward error at most %.0e",
                                solves.factorisations(), solves.worst_backward_error()));
@@ -120,7 +124,7 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& o
     Stage stage(observer, "write");
     write_sweep(comm, s, omega, H, H_rom, epsilon, solves.model(), options);
   }
-  print_summary(observer, comm);
+  say_time(observer, comm);
   observer.say("  wrote          " + s.sweep_out);
 }
 

@@ -1,4 +1,4 @@
-/// The spectral norm of small matrices, against all singular values.
+/// Norms of small matrices: balanced ones, and the spectral norm against all singular values.
 
 #include "linalg/decompositions.hpp"
 #include "medium/cell_series.hpp"
@@ -18,6 +18,30 @@ ComplexDense random_matrix(int rows, int columns, unsigned seed) {
   ComplexDense a(rows, columns);
   for (auto& x : a.data) x = {normal(random), normal(random)};
   return a;
+}
+
+/// A similarity that is undone: slow modes beside fast ones.
+TEST(Dense, BalancingFindsTheScale) {
+  const int n = 12;
+  ComplexDense a = random_matrix(n, n, 1);
+  const double known = norm_bound(a);
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i)
+      a(i, j) *= std::pow(10.0, 0.5 * ((i * 5) % n) - 0.5 * ((j * 5) % n));
+  EXPECT_GT(norm_bound(a), 100 * known);
+  EXPECT_LT(norm_bound(balanced(a, balancing(a))), 1.5 * known);
+}
+
+/// Rows and columns of zeros, and one order of magnitude too far, leave a matrix as it is.
+TEST(Dense, BalancingIsBounded) {
+  ComplexDense a(3, 3);
+  a(0, 1) = 1e30;
+  a(1, 0) = 1e-30;
+  for (double d : balancing(a)) {
+    EXPECT_GE(d, 1e-3);
+    EXPECT_LE(d, 1e3);
+  }
+  EXPECT_EQ(balancing(ComplexDense(2, 2)), std::vector<double>(2, 1.0));
 }
 
 TEST(Dense, SpectralNormIsAnUpperBoundAndClose) {

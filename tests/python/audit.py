@@ -1,13 +1,14 @@
 """Random systems against extended precision: does any true error exceed the certified one?
 
     audit.py [count] [seed] [csv] [--materials | --mixtures | --products | --spin | --speeds]
-             [--prestressed] [--every N] [--from N]
+             [--prestressed] [--small] [--every N] [--from N]
         count systems, or every Nth of them, from the Nth on; a table by class and by damping
 
 ``--materials``: with loss factors by material instead of the seven other kinds of damping;
 ``--mixtures``: several of these at once; ``--products``: terms times a parameter;
 ``--spin``: with gyroscopic forces; ``--speeds``: with a range of speeds;
-``--prestressed``: with the stiffness of a stress that presses or pulls.
+``--prestressed``: with the stiffness of a stress that presses or pulls; ``--small``: with a third
+of the dofs, of which many are judged in a minute.
 
 Each system is reduced in this process, with its tolerance and nothing else; the referee chooses
 frequencies against the result (``referee.py``).
@@ -235,7 +236,7 @@ def main() -> int:
     for index in chosen_ones:
         rng = np.random.default_rng([seed, index])
         kind, damping = what_of(index, dampings)
-        case = random_case(rng, kind, damping)
+        case = random_case(rng, kind, damping, is_small="--small" in sys.argv)
         verdict = examine(case, rng)
         table[kind].append(verdict)
         table["damping: " + damping].append(verdict)

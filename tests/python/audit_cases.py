@@ -157,10 +157,14 @@ def _springs(n: int, pairs: Any, stiffness: Any, ground: Any) -> Any:
     return K
 
 
-def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
-    """A system of the class, lightly to strongly damped, with a band over some of its modes."""
+def random_case(rng: np.random.Generator, kind: str, damping: str, is_small: bool = False) -> Case:
+    """A system of the class, lightly to strongly damped, with a band over some of its modes.
+
+    A small one has about a third of the dofs and ports.
+    """
     many = kind in ("many ports", "many outputs")
-    n = int(rng.integers(90, 160)) if many else int(rng.integers(20, 70))
+    sizes = {False: ((20, 70), (90, 160)), True: ((12, 30), (30, 54))}[is_small][many]
+    n, fewer = int(rng.integers(*sizes)), 3 if is_small else 1
     scale = 10.0 ** rng.uniform(2, 7)
     mass = 10.0 ** rng.uniform(-2, 2)
     chain = [(i, i + 1) for i in range(n - 1)]
@@ -195,7 +199,7 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     if kind == "massless":
         M[rng.choice(n, n // 4, replace=False)] = rng.choice([0.0, 1e-15 * mass])
         M[-1] = mass
-    p = int(rng.integers(1, 4)) if kind != "many ports" else int(rng.integers(20, 60))
+    p = int(rng.integers(1, 4)) if kind != "many ports" else int(rng.integers(20, 60)) // fewer
     B = np.zeros((n, p))
     B[rng.choice(n, p, replace=False), range(p)] = 1.0
     if kind in ("chain", "soft mounts", "free", "elastic part"):
@@ -217,10 +221,10 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     if kind == "many ports":
         B *= 10.0 ** rng.uniform(-2, 2, p)
         if rng.random() < 0.4:
-            C = np.zeros((int(rng.integers(20, 40)), n))
+            C = np.zeros((int(rng.integers(20, 40)) // fewer, n))
             C[range(len(C)), rng.choice(n, len(C), replace=False)] = 1.0
     if kind == "many outputs":  # or inputs: stresses are differences of neighbours
-        C = np.zeros((int(rng.integers(50, 85)), n))
+        C = np.zeros((int(rng.integers(50, 85)) // fewer, n))
         at = rng.choice(n - 1, len(C), replace=False)
         C[range(len(C)), at] = 1.0
         C[range(len(C)), at + 1] = -1.0

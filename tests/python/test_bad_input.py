@@ -233,14 +233,14 @@ def test_a_damaged_attribute_is_not_a_missing_one(
 
 
 OPTIONS = {
-    "band": (["-mor_band_hz", "500,10"], "-mor_band_hz 500,10"),
+    "band": (["-mor_band_hz", "500,10"], "--band 500,10"),
     "negative band": (["-mor_band_hz", "-1,10"], "zero or more"),
-    "tolerance": (["-mor_tol", "-1e-3"], "-mor_tol -0.001"),
-    "zero tolerance": (["-mor_tol", "0"], "-mor_tol 0"),
-    "samples": (["-mor_samples", "0"], "-mor_samples 0"),
+    "tolerance": (["-mor_tol", "-1e-3"], "--tol -0.001"),
+    "zero tolerance": (["-mor_tol", "0"], "--tol 0"),
+    "samples": (["-mor_samples", "0"], "--samples 0"),
     "fraction": (["-mor_samples", "2.5"], "whole number"),
     "no number": (["-mor_samples", "many"], "finite number"),
-    "unknown option": (["-mor_sampels", "30"], "did you mean -mor_samples?"),
+    "unknown option": (["-mor_sampels", "30"], "did you mean --samples?"),
     "unknown choice": (["-mor_quadrature", "gaus"], "did you mean gauss?"),
     "unknown port": (["-mor_inputs", "in3"], "no port in3"),
     "groups": (["-mor_method", "pod", "-mor_groups", "5"], "between 1 and the number of ranks"),
@@ -248,16 +248,16 @@ OPTIONS = {
         ["-mor_method", "pod", "-mor_band_hz", "0,1", "-mor_spacing", "log"],
         "start above zero",
     ),
-    "tolerance and order": (["-mor_tol", "0.1", "-mor_order", "3"], "-mor_tol with -mor_order"),
-    "hyphen": (["-mor-order", "3"], "did you mean -mor_order?"),
-    "prefix": (["-order", "3"], "did you mean -mor_order?"),
+    "tolerance and order": (["-mor_tol", "0.1", "-mor_order", "3"], "--tol with --order"),
+    "hyphen": (["-mor-order", "3"], "did you mean --order?"),
+    "prefix": (["-order", "3"], "did you mean --order?"),
     "options file": (["-options_file", "none.opts"], "No such file"),
     "stray word": (["-mor_order", "3", "500"], "stray word 500"),
     "icntl": (["-mor_mumps_icntl_61", "1"], "numbered 1 to 60"),
     "owned icntl": (["-mor_mumps_icntl_21", "0"], "left alone"),
     "workspace": (["-mor_mumps_workspace", "-1"], "0 or more"),
     "port twice": (["-mor_inputs", "in1,in1"], "named twice"),
-    "order": (["-mor_order", "500", "-mor_samples", "2"], "-mor_order 500"),
+    "order": (["-mor_order", "500", "-mor_samples", "2"], "--order 500"),
 }
 
 
@@ -288,7 +288,7 @@ def test_a_band_that_nobody_chose_is_named(tmp_path: Path) -> None:
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
     write_matrices(body, **chain())
     result = run("reduce", "-body", body, "-mor_out", out)
-    assert "-mor_band_hz is not given: the band is 10,500 Hz" in result.out + result.err
+    assert "--band is not given: the band is 10,500 Hz" in result.out + result.err
 
 
 def damaged(name: str, path: Path) -> None:
@@ -464,7 +464,7 @@ def test_verbs_and_help() -> None:
     assert "did you mean reduce?" in message(run("reduc", expect=1))
     result = run("-help")
     assert "-mor_band_hz" in result.out and "[10,500]" in result.out
-    assert "option -body is missing" in message(run("reduce", expect=1))
+    assert "no body file is named" in message(run("reduce", expect=1))
     assert "-rom" in run("sweep", "-help", ranks=2).out
     said = dict(line.split(maxsplit=1) for line in run("--version").out.splitlines())
     assert said["flexgram"] == flexgram.__version__ and {"PETSc", "MUMPS", "MPI"} <= set(said)

@@ -44,9 +44,6 @@ DELICATE = ("crank", "exudyn_netgenHinge", "hb_bcsst08")
 def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
     body = tmp_path / "body.h5"
     band = write_case(load_case(name), body)
-    loose = (
-        name == "nlevp_shaft"
-    )  # rounding of its K is 3e-2 of H at a resonance of damping ratio 1e-7
     medium = certified(
         body, band, tmp_path, "-mor_second_stage", "medium", "-mor_medium_tol", "1e-3", ranks=2
     )
@@ -54,9 +51,9 @@ def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
     # One more where slow modes may be rigid: these bodies come without coordinates.
     assert medium["factorisations"] in (1, 3)
     full = medium["full"]
-    tolerance = 5e-2 if loose else 1e-4
-    small = certified(body, band, tmp_path, "-mor_tol", tolerance, full=full)
-    assert_certified(small, tolerance, sharp=1.3)
+    small = certified(body, band, tmp_path, "-mor_tol", 1e-4, full=full)
+    # Beside a resonance of damping ratio 1e-7 the search ends with what is within the tolerance.
+    assert_certified(small, 1e-4, sharp=5 if name == "nlevp_shaft" else 1.3)
     assert small["order"] <= 27
     turn = CASES.index(name)  # two of the other methods by turns
     for method in (METHODS[turn % 5], METHODS[(turn + 2) % 5]):

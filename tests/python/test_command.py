@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import flexgram
 from conftest import ENVIRONMENT, PROGRAM, PYTHON, ROOT, message, run
 from flexgram import __version__
 from flexgram.__main__ import PROGRAM_VERBS
@@ -24,15 +27,88 @@ def test_help_lists_every_verb_with_the_words_of_its_own_help() -> None:
         assert f"  flexgram {name:<9} {what}\n" in text
     for verb in PROGRAM_VERBS:
         assert f"  flexgram {verb} " in text
-        assert call(str(PYTHON), "-m", "flexgram", verb, "--help").stdout == run(verb, "-help").out
+        for word in ("--help", "--help-all"):
+            of_python = call(str(PYTHON), "-m", "flexgram", verb, word)
+            assert of_python.stdout == run(verb, word).out
 
 
 def test_help_of_a_verb_shows_its_options_only() -> None:
-    has = {verb: run(verb, "--help").out for verb in PROGRAM_VERBS}
+    """All by -help, as PETSc's users expect it."""
+    has = {verb: run(verb, "--help-all").out for verb in PROGRAM_VERBS}
+    assert all(text == run(verb, "-help").out for verb, text in has.items())
     assert "-mor_sweep_hz" in has["sweep"] and "-mor_sweep_hz" not in has["reduce"]
-    assert "-medium\n" in has["cut"] and "-medium\n" not in has["reduce"]
+    assert "  --medium, -medium\n" in has["cut"] and "  --medium," not in has["reduce"]
     assert "-mor_ordering" in has["certify"] and "-mor_ordering" not in has["cut"]
-    assert all("-mor_monitor" in text for text in has.values())
+    assert all("--monitor, -mor_monitor" in text for text in has.values())
+
+
+def test_short_help_fits_a_screen_and_names_options_that_there_are() -> None:
+    for verb in PROGRAM_VERBS:
+        text, whole = run(verb, "--help").out, run(verb, "--help-all").out
+        assert text == run(verb, "-h").out == run("help", verb).out
+        assert len(text.splitlines()) <= 32 and max(map(len, text.splitlines())) <= 90
+        shown = re.findall(r"^  (--[a-z-]+)", text, re.MULTILINE)
+        assert len(shown) >= 2
+        for option in set(shown) - {"--help-all"}:
+            assert f"  {option}, -" in whole, (verb, option)
+
+
+def test_short_words_are_the_same_command(tmp_path: Path) -> None:
+    body, roms = tmp_path / "rack.h5", [tmp_path / f"{k}.rom.h5" for k in range(3)]
+    run("import", ROOT / "meshes" / "rack.yaml", "-o", body)
+    run("reduce", "-body", body, "-mor_band_hz", "10,500", "-mor_tol", "1e-3", "-mor_out", roms[0])
+    run("reduce", body, "--band", "10,500", "--tol", "1e-3", "-o", roms[1])
+    # Before and behind the file, with =, with the unit, mixed, a flag without its value.
+    mixed = ("--band-hz=10,500", "-mor_tol", "1e-3", "--field-error", body, "--out", roms[2])
+    run("reduce", *mixed, ranks=2)
+    models = [flexgram.ReducedModel.load(rom) for rom in roms]
+    assert np.array_equal(models[0].K, models[1].K)
+    assert models[0].order == models[2].order and len(models[2].field_error) > 0
+    sweep = tmp_path / "sweep.h5"
+    said = run("sweep", body, roms[1], "--sweep", "10,500,3", "-o", sweep).out
+    assert "at most" in said and sweep.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--bnd", "10,500"), "unknown option --bnd: did you mean --band?"),
+        (("--band",), "--band needs a value"),
+        (("--band", "--tol", "1e-3"), "--band needs a value"),
+        (("-o",), "-o needs the name of the file"),
+        (("two.h5",), "stray word two.h5"),
+        (("--tol", "small"), "option --tol small: must be a finite number"),
+        (("--frame", "bucken"), "option --frame bucken: must be one of"),
+        (("-mor_tolr", "1"), "unknown option -mor_tolr: did you mean --tol"),
+    ],
+)
+def test_wrong_command_lines(words: tuple[str, ...], expected: str) -> None:
+    assert expected in message(run("reduce", "body.h5", *words, expect=1))
+    assert "writes no file" in message(run("plan", "body.h5", "-o", "x.h5", expect=1))
+
+
+def test_what_is_printed(tmp_path: Path) -> None:
+    """By default a few lines; the plan, the solver or nothing by -v, -vv, -q."""
+    body, rom = tmp_path / "rack.h5", tmp_path / "rack.rom.h5"
+    run("import", ROOT / "meshes" / "rack.yaml", "-o", body)
+    words = ("reduce", str(body), "--band", "10,500", "--tol", "1e-3", "-o", str(rom))
+    quiet = {key: value for key, value in ENVIRONMENT.items() if key != "PETSC_OPTIONS"}
+
+    def said(*more: str) -> str:
+        return call(str(PROGRAM), *words, *more, env=quiet).stdout
+
+    brief = [line for line in said().splitlines() if "done after" not in line]
+    assert brief[0].startswith(f"{body}: 5820 dofs, 12 inputs and outputs")
+    assert brief[1].startswith("Reduced from 5820 to ")
+    assert brief[2].startswith("Certified from 10 to 500 Hz: the relative error of H is at most ")
+    assert brief[2].endswith("the tolerance of 0.001 is met.")
+    claim = float(brief[2].split("at most ")[1].split(",")[0])
+    assert claim == pytest.approx(flexgram.ReducedModel.load(rom).certified_error, rel=0.05)
+    assert brief[3].split() == ["wrote", str(rom)]
+    assert brief[4].split()[:3] == ["next", "flexgram", "report"] and len(brief) == 5
+    plan = said("-v")
+    assert "  skipped  " in plan and "  time  " in plan and len(said("-vv")) > len(plan)
+    assert said("-q") == ""
 
 
 @pytest.mark.parametrize("way", ["program", "link", "path"])
@@ -86,4 +162,4 @@ def test_help_and_status_of_the_verbs_of_python(verb: str) -> None:
     wrong = run(verb, "--no-such-option", expect=1)
     assert f"usage: flexgram {verb}" in wrong.err
     bare = run("reduce", expect=1)
-    assert "option -body is missing" in message(bare) and "warning" not in bare.out + bare.err
+    assert "no body file is named" in message(bare) and "warning" not in bare.out + bare.err

@@ -228,7 +228,7 @@ def _silent(name: str, model: ReducedBody) -> str:
     if model.claim.relative_to == "band":
         return (
             f"the claim of part {name} is relative to the largest H of the band and says too "
-            "little of each frequency (-mor_tol_relative_to both)"
+            "little of each frequency (--tol-relative-to both)"
         )
     if model.claim.load_names:
         return f"part {name} was reduced for few loads, of single ports nothing is claimed"

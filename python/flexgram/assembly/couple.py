@@ -231,7 +231,7 @@ def _motions_left(ties: Sequence[Floats], count: int) -> Floats:
         raise BodyError(
             f"the joints hold {len(rows)} motions, of which the parts' coordinates tell {held} "
             "apart: two joints hold the same motion (leave out directions), or the parts are too "
-            "small to move in all of them (reduce them with -mor_statics yes)"
+            "small to move in all of them (reduce them with --statics yes)"
         )
     N: Floats = turned[len(rows) :].T
     return N
@@ -276,7 +276,7 @@ def _feedthrough(
             raise BodyError(
                 f"{parts.outputs[i]} takes a share of {parts.inputs[j]} at once, "
                 "with no motion between, and a joint's force is no input: leave it "
-                "out (-mor_outputs)"
+                "out (--outputs)"
             )
     left: Floats = direct[np.ix_(outputs, inputs)]
     return left

@@ -73,7 +73,7 @@ def ffrf_terms(
     Parameters
     ----------
     model : ReducedBody
-        Free body with a floating frame (``-mor_frame buckens`` or ``tangent``).
+        Free body with a floating frame (``--frame buckens`` or ``tangent``).
     body : str or Path, optional
         Body file, for its surface; default: the one that was reduced, if it is there.
     most_nodes : int
@@ -103,7 +103,7 @@ def ffrf_terms(
         raise BodyError(
             "EXUDYN's floating frame needs a free body with six rigid modes and its "
             "frame integrals: reduce it without supports, with coordinates, by "
-            "-mor_frame buckens or tangent, and fix it by joints there"
+            "--frame buckens or tangent, and fix it by joints there"
         )
     if model.system.loss:
         raise BodyError(
@@ -226,7 +226,7 @@ def add_body(
 ) -> dict[str, Any]:
     """Add a reduced body to an EXUDYN system, with its projected damping.
 
-    A body with geometric stiffening (``-mor_stiffening``) gets a second object on the same nodes
+    A body with geometric stiffening (``--stiffening``) gets a second object on the same nodes
     for it (``GeometricStiffening``): Python is called in each step, which is slower.
 
     Parameters

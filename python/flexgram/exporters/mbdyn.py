@@ -34,7 +34,7 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
     Parameters
     ----------
     model : ReducedBody
-        Free, in mean axes (``-mor_frame buckens``), or held.
+        Free, in mean axes (``--frame buckens``), or held.
     path : Path
         ``.fem`` file.
     body : str or Path, optional
@@ -56,7 +56,7 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
         raise BodyError(
             "MBDyn's modal joint couples rigid and elastic motion of nodes with masses "
             "only, which a reduced body does not have: reduce a free body by "
-            "-mor_frame buckens, in whose mean axes nothing is to couple"
+            "--frame buckens, in whose mean axes nothing is to couple"
         )
     elastic = in_its_frame(model) if free else model
     motion = interface_motion(elastic)

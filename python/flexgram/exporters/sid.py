@@ -57,7 +57,7 @@ def taylor_terms(model: ReducedBody) -> dict[str, Taylor]:
     """Every Taylor block of the SID by its name, dialect-free: Gr and Ge as (…, mode, axis).
 
     The model must have its rigid vectors taken out (``ReducedModel.elastic``). With geometric
-    stiffening (``-mor_stiffening``) Ct, Cr and Oe have K_σ of the frame's motion in their first
+    stiffening (``--stiffening``) Ct, Cr and Oe have K_σ of the frame's motion in their first
     order (K0t, K0r and K0ω of Wallrapp).
 
     Examples
@@ -145,7 +145,7 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
     Parameters
     ----------
     model : ReducedBody
-        Reduced with a floating frame (``-mor_frame buckens`` or ``tangent``); its rigid vectors are
+        Reduced with a floating frame (``--frame buckens`` or ``tangent``); its rigid vectors are
         left out.
     path : Path
         File to write.
@@ -166,7 +166,7 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
     if not model.frame.integrals:
         raise BodyError(
             "a SID needs the frame integrals: reduce a free body with coordinates "
-            "(-mor_frame_integrals)"
+            "(--frame-integrals)"
         )
     model.system.expect_symmetric("a SID")
     if model.system.loss:
@@ -182,7 +182,7 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
     if dialect == "emb" and np.abs(body.system.M - np.eye(n)).max() > 1e-8:
         raise BodyError(
             "EMBSlib takes the mass matrix as unit: reduce with "
-            "-mor_inner_product mass and -mor_frame buckens"
+            "--inner-product mass and --frame buckens"
         )
     lines = [
         f"{len(motion)} {n}",

@@ -215,7 +215,7 @@ def write_extptfm(model: ReducedBody, path: Path, body: str | Path | None = None
     if len(form.interfaces) != 1 or len(form.boundary) != 6:
         raise BodyError(
             "ExtPtfm takes a body with one interface of six ports, at the transition piece; this "
-            f"one has {', '.join(form.interfaces)} (-mor_inputs keeps one)"
+            f"one has {', '.join(form.interfaces)} (--inputs keeps one)"
         )
     moves = next(iter(form.interfaces.values()))
     order = [moves[direction] for direction in range(6)] + list(range(6, form.order))

@@ -94,7 +94,7 @@ class Claim:
         Zero if K was not printed. Empty for ``pod``.
     field_inputs, field_error : list of str, (k,) array
         Kinds of inputs, and for each the largest error of the whole field that they cause,
-        relative, in the norm of the strain energy (``-mor_field_error``); inf: not proved.
+        relative, in the norm of the strain energy (``--field-error``); inf: not proved.
     held : dict of str to Held
         Of a free body with each interface held in turn, without damping: ``omega`` (k, 2), its
         frequencies in the bands [rad/s] and those of the medium model that it was cut from;

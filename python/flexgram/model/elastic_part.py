@@ -23,8 +23,8 @@ def in_its_frame(rom: Body) -> Body:
         return rom
     if rom.frame.kind == "none":
         raise BodyError(
-            "the basis mixes rigid with elastic motion (-mor_frame none or "
-            "-mor_method pod): reduce with -mor_method two_step and -mor_frame "
+            "the basis mixes rigid with elastic motion (--frame none or "
+            "--method pod): reduce with --method two_step and --frame "
             "buckens for a floating frame"
         )
     drag = float(np.trace(system.D[:count, :count]) / np.trace(system.M[:count, :count]))

@@ -111,7 +111,7 @@ def with_viscous_damping(
     if system.output_eta.any():
         raise BodyError(
             "reactions hold the loss factor too, and have no such equivalent: leave them out "
-            "(-mor_outputs)"
+            "(--outputs)"
         )
     none = np.zeros_like(system.S)
     viscous = replace(

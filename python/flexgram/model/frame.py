@@ -33,7 +33,7 @@ class FrameIntegrals:
     inertia_second : (3, m, 3, m) array
         ∫ρ (e_a × φ_j) · (e_b × φ_k), indices a, j, b, k.
     stiffening : dict of (m, m) arrays
-        Geometric stiffening (``-mor_stiffening``): what the stress under a unit of each load adds
+        Geometric stiffening (``--stiffening``): what the stress under a unit of each load adds
         to the stiffness (``src/model/stiffening.hpp``), by load; empty if not asked for.
     """
 
@@ -67,7 +67,7 @@ class Frame(Mapping[str, Any]):
     Attributes
     ----------
     kind : str
-        ``none``, ``buckens`` or ``tangent`` (``-mor_frame``).
+        ``none``, ``buckens`` or ``tangent`` (``--frame``).
     rigid_modes : int
         Of the body; its first coordinates unless ``kind`` is ``none``.
     integrals : FrameIntegrals or None

@@ -202,7 +202,7 @@ def interface_motion(model: ReducedBody) -> dict[str, tuple[Floats, Floats]]:
         raise BodyError(
             f"the interface {lacking[0]} has the ports "
             f"{', '.join(found[lacking[0]])} only; a multibody code needs all six, fx "
-            "to mz: reduce with them (-mor_inputs)"
+            "to mz: reduce with them (--inputs)"
         )
     return result
 
@@ -213,7 +213,7 @@ def interface_positions(model: ReducedBody) -> dict[str, Floats]:
     if not model.frame.integrals or model.frame.rigid_modes != 6:
         raise BodyError(
             "the positions of interfaces come from the rigid modes of a free body "
-            "(-mor_method two_step, -mor_frame buckens)"
+            "(--method two_step, --frame buckens)"
         )
     turns = model.frame.integrals.M_er[:6, 3:]  # coordinates of the rotations about the origin
     result = {}

@@ -159,8 +159,8 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
     if rank < n_b:
         raise BodyError(
             f"the {m} coordinates hold {rank} of the {n_b} motions of {', '.join(interfaces)}: "
-            "take the static response to every port into the basis (-mor_statics yes), a smaller "
-            "-mor_tol, or fewer ports (-mor_inputs)"
+            "take the static response to every port into the basis (--statics yes), a smaller "
+            "--tol, or fewer ports (--inputs)"
         )
 
     def by_energy(A: Floats) -> Floats:

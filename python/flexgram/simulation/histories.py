@@ -146,7 +146,7 @@ class HistoryAssessment:
             said.append(
                 f"its elastic part is within {self.elastic_error:.1e} of itself"
                 + (
-                    ": -mor_tol_relative_to both bounds what joints leave of a free body"
+                    ": --tol-relative-to both bounds what joints leave of a free body"
                     if self.elastic_error > 0.02
                     else ""
                 )
