@@ -6,7 +6,7 @@ Needs gmsh (Debian: python3-gmsh) and ccx (calculix-ccx). The same on the comman
 
     flexgram import part.inp --run-ccx --units mm-t-s --rigid foot=NSET:FOOT \
         --rigid eye=NSET:EYE --alpha 5 -o part.h5
-    flexgram reduce -body part.h5 -mor_band_hz 10,5000 -mor_tol 1e-3 -mor_out part.rom.h5
+    flexgram reduce part.h5 --band 10,5000 --tol 1e-3 -o part.rom.h5
     flexgram export part.rom.h5 --to sid -o part.SID_FEM
 """
 

@@ -5,7 +5,7 @@
 Needs gmsh (Debian: python3-gmsh). On the command line, with the YAML file that this writes:
 
     flexgram import out/mounts.yaml -o out/mounts.h5
-    flexgram reduce -body out/mounts.h5 -mor_band_hz 5,400 -mor_tol 1e-3 -mor_out out/mounts.rom.h5
+    flexgram reduce out/mounts.h5 --band 5,400 --tol 1e-3 -o out/mounts.rom.h5
     flexgram plot out/mounts.rom.h5 --figure transfer -o out/mounts.svg
     flexgram at out/mounts.rom.h5 E_rubber=1.4e6 -o out/soft.rom.h5
 """

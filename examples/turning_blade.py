@@ -5,7 +5,7 @@
 On the command line, with the YAML file and the mesh that this writes:
 
     flexgram import out/blade.yaml -o out/blade.h5
-    flexgram reduce -body out/blade.h5 -mor_band_hz 10,300 -mor_tol 1e-3 -mor_out out/blade.rom.h5
+    flexgram reduce out/blade.h5 --band 10,300 --tol 1e-3 -o out/blade.rom.h5
     flexgram campbell out/blade.rom.h5 --orders 1,2 -o out/blade.svg
     flexgram at out/blade.rom.h5 speed=200 -o out/blade200.rom.h5
 """

@@ -99,10 +99,10 @@ std::string overview() {
       "  flexgram export part.rom.h5 --to exudyn -o part.npz\n\n"
       "Verbs:\n";
   for (const Verb& verb : program_verbs())
-    words += text("  flexgram %-9s %s\n", verb.name.c_str(), verb.what.c_str());
+    words += text("  flexgram %-10s %s\n", verb.name.c_str(), verb.what.c_str());
   words += "\nand, of the Python package,\n\n";
   for (const auto& [name, what] : python_verbs())
-    words += text("  flexgram %-9s %s\n", name.c_str(), what.c_str());
+    words += text("  flexgram %-10s %s\n", name.c_str(), what.c_str());
   return words + "\nflexgram VERB --help shows how to use one, --help-all its options.\n";
 }
 

@@ -86,7 +86,8 @@ def main(arguments: list[str] | None = None) -> int:
         )
         describe(command)
         work[name] = run
-    options = parser.parse_args(["--help" if word == "-help" else word for word in words])
+    helps = ("-help", "--help-all")
+    options = parser.parse_args(["--help" if word in helps else word for word in words])
     try:
         with warnings.catch_warnings():
             warnings.showwarning = lambda text, *_, **__: print(f"warning: {text}", file=sys.stderr)

@@ -98,10 +98,9 @@ std::string option_names(const std::string& message) {
   std::string result;
   for (std::size_t i = 0; i < message.size(); ++i) {
     std::size_t begin = i, end = i, next = i;
-    if (message[i] == '{') {
+    if (message[i] == '{' && message.find('}', i) != std::string::npos) {
       begin = i + 1;
-      end = std::min(message.find('}', begin), message.size());
-      next = end;
+      next = end = message.find('}', i);
     } else if (message.compare(i, prefix.size(), prefix) == 0) {
       begin = i + prefix.size();
       end = begin;

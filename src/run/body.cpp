@@ -123,7 +123,8 @@ void add_spin_loads(SecondOrderModel& model) {
 
 Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
   if (settings.body.empty())
-    throw Error("no body file is named: flexgram reduce part.h5, where flexgram import makes part.h5");
+    throw Error("no body file is named: flexgram reduce part.h5, where flexgram import "
+                "makes part.h5");
   Body body;
   const Hdf5File file = Hdf5File::open(comm, settings.body);
   body.assembled = holds_mesh(file);

@@ -42,12 +42,11 @@ std::string words_of(const Claim& claim) {
            over(band.bands).c_str());
   if (band.values.size() > 1)
     words += text(" with each of %zu values of the parameters", band.values.size());
-  words += ": the relative error of H is ";
+  words += ": relative error of H ";
   words += std::isfinite(band.worst) ? "at most " + percent_or_power(band.worst)
                                      : "without a bound";
   if (band.tolerance)
-    words += text(", the tolerance of %g is %s", *band.tolerance,
-                  band.met ? "met" : "NOT met");
+    words += text(", tolerance %g %s", *band.tolerance, band.met ? "met" : "NOT met");
   words += ".";
   if (!band.of_all_values.empty())
     words += text(" With all values of the parameters it is at most %s.",
@@ -79,7 +78,7 @@ void say_result(const ReducedModel& rom, const SecondOrderModel& body,
   std::string words = words_of(rom.claim);
   if (words.empty()) // of samples
     for (const auto& [name, value] : observer.facts())
-      if (name == "error") words = "The relative error of H is " + value + ".";
+      if (name == "error") words = "Relative error of H " + value + ".";
   observer.say(words);
 }
 

@@ -115,7 +115,7 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& o
              omega[as_size(worst - epsilon.begin())] * hz);
     observer.fact("error", words);
     if (observer.level() == Observer::Level::summary)
-      observer.say("The relative error of H is " + words + ".");
+      observer.say("Relative error of H " + words + ".");
   }
   observer.fact("solves", text("%d factorisations, backward error at most %.0e",
                                solves.factorisations(), solves.worst_backward_error()));

@@ -1,3 +1,4 @@
+#include "base/command_line.hpp"
 #include "base/index.hpp"
 #include "base/options.hpp"
 #include "base/text.hpp"
@@ -134,5 +135,37 @@ TEST(Base, MessagesNameOptionsAndLeaveOtherBracesAlone) {
   know_option("-mor_tol");
   know_option("-mor_mumps_cntl_N");
   EXPECT_EQ(option_names("{tol} 1 in part{left}.h5, {mumps_cntl_1} {tol"),
-            "-mor_tol 1 in part{left}.h5, -mor_mumps_cntl_1 {tol");
+            "--tol 1 in part{left}.h5, --mumps-cntl-1 {tol");
+  EXPECT_EQ(option_names("(-mor_tol), -mor_tolerant"), "(--tol), -mor_tolerant");
+  set_option_style(OptionStyle::keyword);
+  EXPECT_EQ(option_names("{tol} or -mor_tol"), "tol or tol");
+  set_option_style(OptionStyle::command_line);
+}
+
+TEST(Base, ShortWordsBecomePetscs) {
+  std::vector<Option> options(4);
+  options[0].name = "-body";
+  options[1].name = "-mor_band_hz";
+  options[2].name = "-mor_field_error";
+  options[2].type = "choice";
+  options[2].choices = "no|yes";
+  options[3].name = "-mor_mumps_icntl_N";
+  options[3].type = "numbered";
+  using Words = std::vector<std::string>;
+  const auto become = [&](const Words& words) {
+    return petsc_words(words, options, {{"-body", "-rom"}, "-mor_out"});
+  };
+  EXPECT_EQ(become({"a.h5", "--band", "-1,2", "-o", "b.h5"}),
+            (Words{"-body", "a.h5", "-mor_band_hz", "-1,2", "-mor_out", "b.h5"}));
+  EXPECT_EQ(become({"--field-error", "a.h5", "b.h5", "-vv"}),
+            (Words{"-mor_field_error", "yes", "-body", "a.h5", "-rom", "b.h5",
+                   "-mor_monitor", "detail"}));
+  EXPECT_EQ(
+      become({"--field-error", "no", "--mumps-icntl-14=30", "-log_view", ":x"}),
+      (Words{"-mor_field_error", "no", "-mor_mumps_icntl_14", "30", "-log_view", ":x"}));
+  EXPECT_EQ(become({"-body", "a.h5", "b.h5"}), (Words{"-body", "a.h5", "-rom", "b.h5"}));
+  EXPECT_EQ(become({"--band_hz=1"}), (Words{"-mor_band_hz", "1"}));
+  for (const Words& wrong : {Words{"--bnd", "1"}, Words{"--band"}, Words{"--band", "-o"},
+                             Words{"-o"}, Words{"a", "b", "c"}})
+    EXPECT_THROW(become(wrong), Error);
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def call(*words: str, **arguments: object) -> subprocess.CompletedProcess[str]:
 def test_help_lists_every_verb_with_the_words_of_its_own_help() -> None:
     text = run("-help").out
     for name, (what, *_) in COMMANDS.items():
-        assert f"  flexgram {name:<9} {what}\n" in text
+        assert f"  flexgram {name:<10} {what}\n" in text
     for verb in PROGRAM_VERBS:
         assert f"  flexgram {verb} " in text
         for word in ("--help", "--help-all"):
@@ -100,8 +101,8 @@ def test_what_is_printed(tmp_path: Path) -> None:
     brief = [line for line in said().splitlines() if "done after" not in line]
     assert brief[0].startswith(f"{body}: 5820 dofs, 12 inputs and outputs")
     assert brief[1].startswith("Reduced from 5820 to ")
-    assert brief[2].startswith("Certified from 10 to 500 Hz: the relative error of H is at most ")
-    assert brief[2].endswith("the tolerance of 0.001 is met.")
+    assert brief[2].startswith("Certified from 10 to 500 Hz: relative error of H at most ")
+    assert brief[2].endswith("tolerance 0.001 met.")
     claim = float(brief[2].split("at most ")[1].split(",")[0])
     assert claim == pytest.approx(flexgram.ReducedModel.load(rom).certified_error, rel=0.05)
     assert brief[3].split() == ["wrote", str(rom)]
@@ -163,3 +164,29 @@ def test_help_and_status_of_the_verbs_of_python(verb: str) -> None:
     assert f"usage: flexgram {verb}" in wrong.err
     bare = run("reduce", expect=1)
     assert "no body file is named" in message(bare) and "warning" not in bare.out + bare.err
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not there")
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        (["reduce", "--ban"], ["--band"]),
+        (["red"], ["reduce"]),
+        (["reduce", "--frame", ""], ["auto", "none", "buckens", "tangent"]),
+        (["export", "rom.h5", "--to", "s"], ["sid", "simscape", "state-space"]),
+        (["cut", "--sweep"], []),
+        (["report", "--bo"], ["--body"]),
+    ],
+)
+def test_completion_of_bash(tmp_path: Path, typed: list[str], expected: list[str]) -> None:
+    """What bash answers to a tab."""
+    (tmp_path / "words").write_text(call(str(PROGRAM), "completion", "bash").stdout)
+    words = " ".join(f"'{word}'" for word in ["flexgram", *typed])
+    shell = f"""
+        source words
+        COMP_WORDS=({words}) COMP_CWORD={len(typed)}
+        _flexgram
+        printf '%s\\n' "${{COMPREPLY[@]}}"
+    """
+    done = call("bash", "-c", shell, cwd=tmp_path)
+    assert done.stdout.split() == expected and not done.stderr

@@ -171,7 +171,7 @@ def test_mbdyn_modal_joint(beam: tuple[Path, Path], tmp_path: Path) -> None:
         "-mor_out",
         tangent,
     )
-    with pytest.raises(BodyError, match="-mor_frame buckens"):
+    with pytest.raises(BodyError, match="--frame buckens"):
         export(ReducedModel.load(tangent), tmp_path / "x.fem", "mbdyn")
     model.eta = 0.01
     with pytest.raises(BodyError, match="structural damping"):

@@ -164,5 +164,5 @@ def test_of_which_inputs_it_is(tmp_path: Path) -> None:
     assert truth <= rom.field_error[0] * (1 + 1e-6)
     rom.save(tmp_path / "rom.h5")
     assert "field, by its strain energy" in run("info", tmp_path / "rom.h5").out
-    with pytest.raises(flexgram.BodyError, match="no with -mor_method pod"):
+    with pytest.raises(flexgram.BodyError, match="no with method pod"):
         flexgram.reduce(given, (0.05, 0.6), 1e-3, method="pod", options={"mor_field_error": "yes"})

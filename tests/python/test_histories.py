@@ -54,7 +54,7 @@ def test_the_error_in_time_is_within_the_verdict(bar: Free, reference: str) -> N
     if reference == "elastic":
         assert verdict.elastic_error < 0.2
     else:
-        assert verdict.elastic_error > 0.1 and "-mor_tol_relative_to both" in verdict.words[1]
+        assert verdict.elastic_error > 0.1 and "--tol-relative-to both" in verdict.words[1]
 
 
 def test_what_lies_outside_the_band() -> None:

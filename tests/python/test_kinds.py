@@ -129,8 +129,8 @@ def test_a_cut_keeps_it_too(body: Path, tmp_path: Path) -> None:
         (("-mor_tol_kind", "rotation from spin=1e-2"), "no ports make rotation from spin"),
         (("-mor_tol_kind", "stress=1e-2", "-mor_tol_of", "whole"), "each_kind"),
         (("-mor_tol_kind", "stress=1e-2", "-mor_order", "20"), "no tolerance chooses the order"),
-        (("-mor_tol_kind", "stress=1e-2", "-mor_method", "pod"), "given beside -mor_tol"),
-        (("-mor_tol_kind", "stress=1e-2", "-mor_method", "modal"), "given beside -mor_tol"),
+        (("-mor_tol_kind", "stress=1e-2", "-mor_method", "pod"), "given beside --tol"),
+        (("-mor_tol_kind", "stress=1e-2", "-mor_method", "modal"), "given beside --tol"),
         (("-mor_tol_kind", "stress=1e-2,stress=1e-1"), "of each kind once"),
     ],
 )

@@ -157,7 +157,7 @@ def test_options_that_contradict(faces: Any, tmp_path: Path) -> None:
     tangent = run(
         "reduce", "-body", body, "-mor_load_patterns", 3, "-mor_frame", "tangent", expect=1
     )
-    assert "-mor_frame tangent follows an interface" in message(tangent)
+    assert "--frame tangent follows an interface" in message(tangent)
     # Loads at some of the inputs.
     some = run(
         "reduce",
@@ -175,4 +175,4 @@ def test_options_that_contradict(faces: Any, tmp_path: Path) -> None:
     assert "the leading 4 patterns of 9 inputs" in some.out
     assert ReducedModel.load(tmp_path / "some.h5").inputs == faces[2][:9]
     few = run("reduce", "-body", body, "-mor_load_patterns", -1, expect=1)
-    assert "-mor_load_patterns" in message(few)
+    assert "--load-patterns" in message(few)

@@ -136,7 +136,7 @@ def test_sigterm_leaves_a_checkpoint(tmp_path: Path, rack: Path, method: str, ra
         early, late = (early, after) if out.exists() else (after, late)
         if "ended by SIGTERM" in said:
             assert process.returncode == 3 and not out.exists()
-        if "-mor_restart goes on" in said:
+        if "--restart goes on" in said:
             assert left_by(out, method).exists()
             result = run(*job, "-mor_restart", ranks=ranks)
             assert out.exists() and not left_by(out, method).exists()
@@ -190,7 +190,7 @@ def test_another_job_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
     assert "band" in refused("-mor_band_hz", f"{first!r},{0.9 * last!r}")
     assert "inputs" in refused("-mor_inputs", "u1,u2")
-    assert "-mor_cutoff" in refused("-mor_cutoff", "1.4")
+    assert "--cutoff" in refused("-mor_cutoff", "1.4")
     K, M, B, _ = chain(60, "three")
     write_matrices(body, 1.001 * K, M, B, alpha=1e-2 * omega[0], beta=1e-4 / omega[9])
     assert "norm of K" in refused()

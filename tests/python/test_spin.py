@@ -82,9 +82,7 @@ def test_spin_loads_are_certified(rotor: Any, ranks: int, tmp_path: Path) -> Non
         "-mor_out",
         pointwise,
     )
-    assert (
-        "only -mor_tol_relative_to both or elastic bounds what a spin does" in told.out + told.err
-    )
+    assert "only --tol-relative-to both or elastic bounds what a spin does" in told.out + told.err
 
 
 def test_inertia_grows_as_it_does(rotor: Any) -> None:
@@ -119,12 +117,12 @@ def test_where_spin_loads_cannot_be(tmp_path: Path, rotor: Any) -> None:
         B=np.eye(2),
         inputs=["a", "b"],
     )
-    with pytest.raises(BodyError, match="mor_spin_loads: the body has no coordinates"):
+    with pytest.raises(BodyError, match="spin_loads: the body has no coordinates"):
         reduce(body, (1, 10), 1e-3, options={"mor_spin_loads": "yes"})
     said = run(
         "reduce", "-body", rotor[0], "-mor_band_hz", "100,3000", "-mor_out", tmp_path / "rom.h5"
     )
-    assert "-mor_spin_loads yes" in said.out
+    assert "--spin-loads yes" in said.out
     result = run(
         "reduce",
         "-body",
@@ -135,4 +133,4 @@ def test_where_spin_loads_cannot_be(tmp_path: Path, rotor: Any) -> None:
         tmp_path / "rom.h5",
         expect=1,
     )
-    assert "-mor_spin_loads" in message(result)
+    assert "--spin-loads" in message(result)

@@ -225,7 +225,7 @@ def test_what_has_no_stiffening(tmp_path: Path) -> None:
     assert frame_stiffening({}) == {}
     write_matrices(tmp_path / "matrices.h5", np.eye(3), np.eye(3), np.eye(3)[:, :1], beta=1e-3)
     said = run("reduce", "-body", tmp_path / "matrices.h5", "-mor_stiffening", "yes", expect=1)
-    assert "-mor_stiffening needs the mesh" in said.err
+    assert "--stiffening needs the mesh" in said.err
     blade(tmp_path / "held.h5", "hexahedron", "root")
     rom = tmp_path / "held.rom.h5"
     said = run(

@@ -9,6 +9,7 @@ from typing import Any
 
 from flexgram.basics import BodyError, expect_kept, say
 from flexgram.cli.campbell_command import campbell_options, run_campbell
+from flexgram.cli.completion import SHELLS, script
 from flexgram.cli.import_command import import_body_file, import_options
 from flexgram.cli.port_commands import (
     couple_options,
@@ -272,6 +273,18 @@ def _info(options: argparse.Namespace) -> None:
         say(f"  {line}")
 
 
+def _completion_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("shell", choices=SHELLS)
+
+
+def _completion(options: argparse.Namespace) -> None:
+    parsers = {}
+    for verb, (_, _, describe, _) in COMMANDS.items():
+        parsers[verb] = argparse.ArgumentParser()
+        describe(parsers[verb])
+    say(script(options.shell, parsers).rstrip())
+
+
 #: name: what it does, example, its options, the work
 COMMANDS: dict[
     str,
@@ -363,5 +376,11 @@ COMMANDS: dict[
         "--time 0,1,1001 -o rack.csv",
         simulate_options,
         run_simulate,
+    ),
+    "completion": (
+        "words that a shell may complete, for bash or zsh",
+        "source <(flexgram completion bash)",
+        _completion_options,
+        _completion,
     ),
 }

@@ -19,8 +19,8 @@ class OptionsOfReduceAndCertifyAndCut(TypedDict, total=False):
     """The same for outputs; default: like the inputs where the outputs are the inputs, else
     all."""
     tol_of: Literal["each_kind", "whole"]
-    """What -mor_tol bounds: the error of H as a whole (eq. 17), which adds m/N and rad/(N m) so
-    that the larger number hides the other, or also those of displacements from forces and of
+    """What tol bounds: the error of H as a whole (eq. 17), which adds m/N and rad/(N m) so that
+    the larger number hides the other, or also those of displacements from forces and of
     rotations from moments by themselves (ports named x.fx ... x.mz). Default each_kind."""
     field_error: bool | Literal["no", "yes"]
     """Whether the error of the whole field of displacements is certified too, for each kind of
@@ -28,9 +28,9 @@ class OptionsOfReduceAndCertifyAndCut(TypedDict, total=False):
     matrix). Default no."""
     tol_kind: str | Path | Sequence[str]
     """Tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5, or of outputs
-    by name, foot.ry=1e-3 or foot.*=1e-3; the others keep -mor_tol, all of H the largest of
-    them. An error of a kind is relative to the Frobenius norm of its block of H, so small rows
-    beside large ones need a name of their own."""
+    by name, foot.ry=1e-3 or foot.*=1e-3; the others keep tol, all of H the largest of them. An
+    error of a kind is relative to the Frobenius norm of its block of H, so small rows beside
+    large ones need a name of their own."""
     relative_to: Literal["both", "pointwise", "elastic", "band"]
     """What errors of H are divided by. pointwise: |H| at the same frequency (eq. 17 of the
     paper; near an antiresonance, where H itself vanishes, the order grows to meet it). elastic:
@@ -52,14 +52,14 @@ class OptionsOfReduceAndCertifyAndCut(TypedDict, total=False):
         "weighted",
         "whole_axis",
     ]
-    """How -mor_method two_step picks the small basis out of the medium space; auto tries
-    gramian and weighted and keeps the smallest body that meets -mor_tol (by the order rule:
-    gramian). Default auto."""
+    """How method two_step picks the small basis out of the medium space; auto tries gramian and
+    weighted and keeps the smallest body that meets tol (by the order rule: gramian). Default
+    auto."""
     shifts_hz: float | Sequence[float]
     """Expansion points of krylov; default: both ends of the band and its middle [Hz]."""
     medium_tol: float
-    """Certified relative error of the medium model; 0: a fiftieth of -mor_tol, or 1e-8 where
-    the order is given or ruled. Default 0."""
+    """Certified relative error of the medium model; 0: a fiftieth of tol, or 1e-8 where the
+    order is given or ruled. Default 0."""
 
 
 class OptionsOfReduceAndCertify(TypedDict, total=False):
@@ -76,7 +76,7 @@ class OptionsOfReduceAndCertify(TypedDict, total=False):
     two, else 2; 1: those of the body alone. Default 0."""
     at: str | Path | Sequence[str]
     """Values of the body's parameters in place of its own, E_rubber=2e6,k_bolt=1e7; with
-    -mor_parameter_values 1 the claim is of these alone."""
+    parameter_values 1 the claim is of these alone."""
     cutoff: float
     """All modes up to this many times the end of the band are found and counted; more modes,
     but fewer Krylov blocks. Default 1.1."""
@@ -88,15 +88,15 @@ class OptionsOfReduceAndCertify(TypedDict, total=False):
     stiffening: bool | Literal["no", "yes"]
     """Geometric stiffening for a floating frame, into /frame: what the stress under unit
     accelerations and spins of the frame and under unit forces at interfaces adds to the
-    stiffness; of a mesh, a static solve each. A free body is held at -mor_frame_interface for
-    it. Default no."""
+    stiffness; of a mesh, a static solve each. A free body is held at frame_interface for it.
+    Default no."""
     ordering: Literal["auto", "best", "nested_dissection", "mumps"]
     """Fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own choice, or
     the best (fewer estimated flops) of the two. auto: the best where many frequencies are
     factorised; elsewhere nested dissection, below 10,000 dofs MUMPS' own. Default auto."""
     memory_limit_mb: float
-    """Memory that the whole run may take: decides how factors are kept (-mor_precision) and is
-    the limit of each factorisation; 0 means what the node has available [MB per rank]. Default
+    """Memory that the whole run may take: decides how factors are kept (precision) and is the
+    limit of each factorisation; 0 means what the node has available [MB per rank]. Default
     0."""
     mumps_workspace: int
     """Workspace above MUMPS' estimate at the first try, ICNTL(14) [%]. Default 30."""
