@@ -10,6 +10,7 @@
 #include "fem/node_matrix.hpp"
 #include "fem/preload.hpp"
 #include "fem/reactions.hpp"
+#include "fem/revolution.hpp"
 #include "fem/shell.hpp"
 #include "fem/stiffening.hpp"
 #include "io/body_io.hpp"
@@ -30,10 +31,11 @@ public:
   ElementAssembler(const BodyDescription& body, const DofMap& map,
                    const MaterialTerms& terms, const Followers& followers,
                    const Hdf5File& file, FieldLoads& fields, Reactions& reactions,
-                   Preload* preload, Preload* spinning, AssemblyFacts& facts)
+                   Preload* preload, Preload* spinning, Revolution* revolution,
+                   AssemblyFacts& facts)
       : body_(body), map_(map), terms_(terms), followers_(followers), file_(file),
         fields_(fields), reactions_(reactions), preload_(preload), spinning_(spinning),
-        facts_(facts) {}
+        revolution_(revolution), facts_(facts) {}
 
   void run(NodeMatrix& matrix) {
     followers_.for_each([&](const PlacedElement& at) {
@@ -96,27 +98,36 @@ private:
       for (const ElementPart& part : parts) expect(part.matrix);
     }
     Stressed stressed, at_one; // by the preload; by a spin of 1 rad/s
+    const std::size_t of_spin = terms_.laws().size();
     if (preload_) {
       if (preload_->speed() > 0)
-        parts.push_back({terms_.laws().size(), preload_->coriolis(at, element)});
-      stressed = stressed_by(*preload_, at, element, T);
+        parts.push_back({of_spin, preload_->coriolis(at, element)});
+      stressed = stressed_by(*preload_, at, element, T, preload_->of_spin(at, element));
       if (!rigid) add_to(stressed.added, stressed.quadratic);
     }
-    if (body_.spin && !body_.spin->turning) {
-      parts.push_back({terms_.laws().size(), gyroscopic(body_, at, body_.spin->field)});
+    Convection by_spin; // its Coriolis forces, and by what it softens
+    if (body_.spin) {
+      const AccelerationField& field = body_.spin->field;
+      by_spin = body_.spin->turning
+                    ? Convection{coriolis(body_, at, element, field.axis),
+                                 spin_softening(body_, at, element, field.axis)}
+                    : convection(body_, at, element, field);
+      if (revolution_ && is_solid(block.type))
+        revolution_->add(at, by_spin.gyroscopic, element.mass);
+      parts.push_back({of_spin, std::move(by_spin.gyroscopic)});
     }
     if (spinning_) {
-      at_one = stressed_by(*spinning_, at, element, T);
+      Dense less(by_spin.softening.rows, by_spin.softening.columns);
+      add_to(less, by_spin.softening, -1);
+      at_one = stressed_by(*spinning_, at, element, T, std::move(less));
       if (preload_ && !rigid) { // of both together, less that of each
         for (std::size_t i = 0; i < at_one.u.size(); ++i) stressed.u[i] += at_one.u[i];
         add_to(at_one.added, preload_->of_stress(at, stressed.u).quadratic);
         for (const Dense* own : {&stressed.quadratic, &at_one.quadratic})
           add_to(at_one.added, *own, -1);
       }
-      parts.push_back({terms_.laws().size(), spinning_->coriolis(at, element)});
-      if (!rigid)
-        parts.push_back({terms_.laws().size() + 2, std::move(at_one.quadratic)});
-      parts.push_back({terms_.laws().size() + 1, std::move(at_one.added)});
+      if (!rigid) parts.push_back({of_spin + 2, std::move(at_one.quadratic)});
+      parts.push_back({of_spin + 1, std::move(at_one.added)});
     }
     if (preload_) {
       if (!rigid) add_to(stressed.added, element.K);
@@ -147,11 +158,13 @@ private:
     Dense quadratic = {}; ///< as `added`
     std::vector<double> u = {};
   };
+  /// @param by_motion  what a spin among them adds without stress.
   Stressed stressed_by(Preload& loads, const PlacedElement& at,
-                       const ElementMatrices& element, const Dense& T) const {
+                       const ElementMatrices& element, const Dense& T,
+                       Dense by_motion) const {
     Dense forces = loads.weight(at, element);
     for (double& f : forces.data) f = -f;
-    Stressed result{loads.of_spin(at, element), {}};
+    Stressed result{std::move(by_motion), {}};
     if (!at.rigid) {
       Dense u = followers_.displacement(
           at, T, [&](std::int64_t node, int c) { return loads.at(node, c); });
@@ -188,6 +201,7 @@ private:
   FieldLoads& fields_;
   Reactions& reactions_;
   Preload *preload_, *spinning_; ///< null: there is none; of the spin at 1 rad/s
+  Revolution* revolution_;       ///< of solids in the frame at rest, else null
   AssemblyFacts& facts_;
   std::int64_t inverted_ = 0;
   std::string first_inverted_;
@@ -236,13 +250,13 @@ void append(Ports more, Block& ports, std::vector<std::string>& names) {
 }
 
 /// The terms of a spin. @param parts  at 1 rad/s: Coriolis forces, what stress and M_c add to the
-/// stiffness, and what moved geometry does
-void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
-              const SolverOptions& solver, Observer& observer) {
+/// stiffness, and what moved geometry does; the first alone where nothing stretches
+void add_spin(SecondOrderModel& model, const SpinRange& spin, bool stretches,
+              Matrix* parts, const SolverOptions& solver, Observer& observer) {
   const LawNumbers speeds{
       {"least", {spin.least}}, {"most", {spin.most}}, {"value", {spin.value}}};
   model.terms.push_back({Law("coriolis", "coriolis", speeds), std::move(parts[0])});
-  if (!spin.turning) return;
+  if (!stretches) return;
   Matrix &S = parts[1], &moved = parts[2];
   PetscReal size = 0;
   FG_CALL(MatNorm(moved, NORM_FROBENIUS, &size));
@@ -256,9 +270,10 @@ void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
   if (const auto share =
           fails_at(model.K, by_stress, by_motion, model.node, solver, negative))
     observer.fact("critical speed",
-                  text("about %.3g rad/s: there a load that turns with the body meets a "
+                  text("about %.3g rad/s: there a load that %s meets a "
                        "resonance at 0 Hz; above it Coriolis forces alone hold the body",
-                       spin.most * std::sqrt(*share)));
+                       spin.most * std::sqrt(*share),
+                       spin.turning ? "turns with the body" : "stands still"));
   if (spin.least > 0) {
     FG_CALL(MatAXPY(model.K, least, S, DIFFERENT_NONZERO_PATTERN));
     FG_CALL(MatAXPY(model.K, least * least, moved, DIFFERENT_NONZERO_PATTERN));
@@ -268,9 +283,11 @@ void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
     numbers["power"] = {power};
     return numbers;
   };
-  model.terms.push_back({Law("spin", "spin", of_power(2)), std::move(S)});
+  const std::string seen = spin.turning ? "" : "_at_rest"; // campbell looks at it
+  model.terms.push_back({Law("spin" + seen, "spin", of_power(2)), std::move(S)});
   if (size > 0)
-    model.terms.push_back({Law("spin_moved", "spin", of_power(4)), std::move(moved)});
+    model.terms.push_back(
+        {Law("spin_moved" + seen, "spin", of_power(4)), std::move(moved)});
 }
 
 } // namespace
@@ -315,9 +332,15 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   };
   const MaterialTerms terms(body);
   model.damping.eta += terms.common_loss();
+  const bool has_solids =
+      std::any_of(all.blocks.begin(), all.blocks.end(),
+                  [](const MeshBlock& block) { return is_solid(block.type); });
+  const bool stretches = all.spin && (all.spin->turning || has_solids);
   std::optional<Preload> preload, spinning;
+  std::optional<Revolution> revolution; // of solids in the frame at rest
   const auto elements = [&](FieldLoads& fields, Reactions& reactions) {
     facts = {};
+    if (stretches && !all.spin->turning) revolution.emplace(all.spin->field, body.points);
     const std::size_t of_spin = spinning                                         ? 3
                                 : body.spin || (preload && preload->speed() > 0) ? 1
                                                                                  : 0;
@@ -326,7 +349,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     agree(comm, [&] {
       ElementAssembler(body, map, terms, *followers, file, fields, reactions,
                        preload ? &*preload : nullptr, spinning ? &*spinning : nullptr,
-                       facts)
+                       revolution ? &*revolution : nullptr, facts)
           .run(matrix);
     });
     return matrix.assemble(comm, model.K, model.M);
@@ -334,10 +357,9 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   fill_dof_lists(map, mesh, rank, model);
   BodyDescription loaded = all; // with all loads, its preload's and its spin's too
   loaded.reactions.clear();
-  const bool turns = all.spin && all.spin->turning;
-  if (turns) loaded.fields.push_back(all.spin->field);
+  if (stretches) loaded.fields.push_back(all.spin->field);
   Matrix unloaded; // K
-  if (!all.preload.empty() || turns) {
+  if (!all.preload.empty() || stretches) {
     Reactions none(comm, loaded, map, mesh);
     FieldLoads fields(comm, loaded, map, mesh, {});
     elements(fields, none);
@@ -348,9 +370,10 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
       return Preload(loaded, loads, map, model.K, inputs, model.node, mesh, solver);
     };
     if (!all.preload.empty()) preload.emplace(solved(all.preload));
-    if (turns)
+    if (stretches)
       spinning.emplace(solved({{input_names(loaded.fields.back()).front(), 1.0}}));
     const bool spins = preload && preload->speed() > 0;
+    const bool turns = all.spin && all.spin->turning;
     if (turns || spins)
       for (const std::string& name : springs_of_a_turning_ground(
                all, turns ? all.spin->field.axis : preload->axis()))
@@ -384,7 +407,8 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     model.terms.push_back({Law::Kind::gyroscopic, std::move(parts[first_of_spin])});
   }
   if (all.spin) {
-    model.coriolis = 2 * all.spin->most;
+    if (!revolution) model.coriolis = 2 * all.spin->most;
+    if (revolution) revolution->expect(comm, observer);
     if (spinning)
       spinning->tell(comm, *all.spin, observer);
     else
@@ -392,12 +416,13 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
                                  "moments of beams on its axis",
                                  all.spin->least, all.spin->most));
     const auto is_dashpot = [](const auto& term) { return term.law.is_viscous(); };
-    if (!spinning && (model.damping.beta > 0 || model.damping.eta > 0 ||
-                      !std::all_of(model.terms.begin(), model.terms.end(), is_dashpot)))
+    if (!all.spin->turning &&
+        (model.damping.beta > 0 || model.damping.eta > 0 ||
+         !std::all_of(model.terms.begin(), model.terms.end(), is_dashpot)))
       observer.warn(
           "spin: in the frame at rest losses of materials count as if the shaft "
           "did not turn; what they do to its stability is left out");
-    add_spin(model, *all.spin, parts.data() + first_of_spin, solver, observer);
+    add_spin(model, *all.spin, stretches, parts.data() + first_of_spin, solver, observer);
   }
   if (model.coriolis > 0 && reactions.any())
     throw Error(

@@ -30,10 +30,6 @@ Vector3 times(const Dense& J, const Vector3& a) {
   return b;
 }
 
-double dot(const Vector3& a, const Vector3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /// Motion of a point at d from a node whose six dofs move it, its rotation too.
 Dense carried(const Vector3& d) {
   Dense H(6, 6);

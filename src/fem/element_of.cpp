@@ -135,19 +135,29 @@ Dense coriolis(const BodyDescription& body, const PlacedElement& at,
              : solid_coriolis(element, axis);
 }
 
-Dense gyroscopic(const BodyDescription& body, const PlacedElement& at,
-                 const AccelerationField& spin) {
+Convection convection(const BodyDescription& body, const PlacedElement& at,
+                      const ElementMatrices& element, const AccelerationField& spin) {
   const MeshBlock& block = at.block();
   const std::vector<Vector3>& x = at.x;
-  if (weighs_nothing(block.type)) return Dense(dofs_of(block), dofs_of(block));
+  const Dense none(dofs_of(block), dofs_of(block));
+  if (weighs_nothing(block.type)) return {none, none};
   if (block.type == ElementType::mass1)
-    return mass_gyroscopic(body.masses.at(block.material), x[0], spin.axis, spin.point);
+    return {mass_gyroscopic(body.masses.at(block.material), x[0], spin.axis, spin.point),
+            none};
   if (block.type == ElementType::beam2)
-    return beam_gyroscopic(x[0], x[1], body.materials.at(block.material).beam,
-                           body.sections.at(block.section), spin.axis, spin.point);
-  throw Error(
-      "in the frame at rest a spin takes beams and masses on its axis; solids and "
-      "shells are seen in the frame that turns (frame: turning)");
+    return {beam_gyroscopic(x[0], x[1], body.materials.at(block.material).beam,
+                            body.sections.at(block.section), spin.axis, spin.point),
+            none};
+  if (!is_solid(block.type))
+    throw Error("in the frame at rest a spin takes solids of revolution, and beams and "
+                "masses on its axis; others are seen in the frame that turns (frame: "
+                "turning)");
+  const Material& material = body.materials.at(block.material);
+  if (!material.isotropic)
+    throw Error("in the frame at rest a spin takes isotropic materials: the axes of "
+                "others turn with the body (frame: turning)");
+  return solid_convection(block.type, x, material.solid.density, body.mass_rule,
+                          element.T, spin.axis, spin.point);
 }
 
 namespace {

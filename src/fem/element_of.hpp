@@ -19,10 +19,11 @@ Dense spin_softening(const BodyDescription& body, const PlacedElement& at,
 /// Its Coriolis forces in a frame that spins about `axis`, for Ω = 1.
 Dense coriolis(const BodyDescription& body, const PlacedElement& at,
                const ElementMatrices& element, const Vector3& axis);
-/// Its gyroscopic moments on the axis of a spin of 1 rad/s, in the frame at rest.
-/// @throws Error for solids, and for what is not symmetric about the axis.
-Dense gyroscopic(const BodyDescription& body, const PlacedElement& at,
-                 const AccelerationField& spin);
+/// What a spin of 1 rad/s does to it in the frame at rest: gyroscopic moments on the axis of what has
+/// rotations, solids of revolution as matter that runs through.
+/// @throws Error for shells, and for what cannot be symmetric about the axis.
+Convection convection(const BodyDescription& body, const PlacedElement& at,
+                      const ElementMatrices& element, const AccelerationField& spin);
 /// What displacements of its dofs, and strain without stress, add to its stiffness; springs keep
 /// theirs. @param free  null: there is none. @throws Error for one of what is no solid.
 StressStiffness stress_stiffness(const BodyDescription& body, const PlacedElement& at,

@@ -97,6 +97,8 @@ struct ElementMatrices {
   Dense M_0, T;
 };
 
+/// Tetrahedra, hexahedra and wedges of any formulation.
+bool is_solid(ElementType type);
 int node_count(ElementType type);
 int dofs_per_node(ElementType type);
 /// "tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "wedge", "triangle", "quad", "line":
@@ -186,6 +188,18 @@ Dense solid_coriolis(const ElementMatrices& element, const Vector3& axis);
 Dense beam_coriolis(const Vector3& first, const Vector3& second,
                     const BeamMaterial& material, const BeamSection& section,
                     const Vector3& axis);
+
+/// What a spin of 1 rad/s does to a solid of revolution in the frame at rest, through which its
+/// material runs. Of u(x, t) each component is carried along: ü becomes (∂_t + Ω∂_θ)²u, with ∂_θ
+/// the derivative along the turn of the place, each component for itself.
+struct Convection {
+  Dense gyroscopic; ///< 2∫ρ Nᵀ∂_θN, skew
+  Dense softening;  ///< ∫ρ (∂_θN)ᵀ∂_θN
+};
+/// @param T  of the element's incompatible modes; without data: it has none.
+Convection solid_convection(ElementType type, const std::vector<Vector3>& nodes,
+                            double density, MassRule mass_rule, const Dense& T,
+                            const Vector3& axis, const Vector3& point);
 
 /// Gyroscopic moments of a beam on the axis of a spin of 1 rad/s, in the frame at rest; skew, no
 /// larger than twice its mass. @param point  on the axis.

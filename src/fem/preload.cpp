@@ -322,10 +322,11 @@ void Preload::tell(MPI_Comm comm, const SpinRange& spin, Observer& observer) con
   const double square = spin.most * spin.most;
   observer.fact("spin",
                 text("%g to %g rad/s; at the most displacement at most %.3g m, von Mises "
-                     "stress (of beams: axial) at most %.3g N/m²; seen in the frame that "
-                     "turns with the body, with its Coriolis forces",
+                     "stress (of beams: axial) at most %.3g N/m²; seen in the frame %s",
                      spin.least, spin.most, square * max_over(comm, largest_),
-                     square * max_over(comm, deformation_.stress)));
+                     square * max_over(comm, deformation_.stress),
+                     spin.turning ? "that turns with the body, with its Coriolis forces"
+                                  : "at rest, through which the body runs"));
   warn_of_shape(comm, square, observer);
 }
 

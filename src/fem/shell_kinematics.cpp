@@ -11,9 +11,6 @@
 namespace flexgram {
 namespace {
 
-double dot(const Vector3& a, const Vector3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 double norm(const Vector3& a) { return std::sqrt(dot(a, a)); }
 void add(Vector3& a, double factor, const Vector3& b) {
   for (std::size_t c = 0; c < 3; ++c) a[c] += factor * b[c];

@@ -2,6 +2,7 @@
 #include "base/text.hpp"
 #include "fem/condensation.hpp"
 #include "fem/solid_points.hpp"
+#include "fem/vectors.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -66,6 +67,7 @@ Dense three_components(const Dense& mass, int count) {
 
 } // namespace
 
+bool is_solid(ElementType type) { return as_size(type) < as_size(ElementType::tri3); }
 int node_count(ElementType type) { return facts_of(type).nodes; }
 int dofs_per_node(ElementType type) { return facts_of(type).dofs; }
 const char* element_name(ElementType type) { return facts_of(type).name; }
@@ -156,6 +158,48 @@ Dense solid_coriolis(const ElementMatrices& element, const Vector3& axis) {
   Dense G = mass_of_directions(element, turned);
   symmetrise(G, Symmetry::skew);
   return G;
+}
+
+Convection solid_convection(ElementType type, const std::vector<Vector3>& nodes,
+                            double density, MassRule mass_rule, const Dense& T,
+                            const Vector3& axis, const Vector3& point) {
+  const bool condenses = !T.data.empty();
+  const int n = static_cast<int>(nodes.size()) + (condenses ? 3 : 0);
+  Dense G(n, n), S(n, n);
+  for (const ShapePoint& p :
+       mass_rule == MassRule::full ? mass_points(type) : stiffness_points(type)) {
+    std::vector<double> N = p.N;
+    std::vector<Vector3> slopes = gradients(p, nodes);
+    if (condenses) { // 1 − ξ_a²
+      const Jacobian inv = inverse_jacobian(p, nodes);
+      for (std::size_t a = 0; a < 3; ++a) {
+        N.push_back(1 - p.xi[a] * p.xi[a]);
+        Vector3 slope{};
+        for (std::size_t b = 0; b < 3; ++b) slope[b] = -2 * p.xi[a] * inv[b][a];
+        slopes.push_back(slope);
+      }
+    }
+    Vector3 from{};
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+      for (std::size_t b = 0; b < 3; ++b) from[b] += p.N[i] * (nodes[i][b] - point[b]);
+    const Vector3 along = cross(axis, from);
+    std::vector<double> turned;
+    for (const Vector3& g : slopes) turned.push_back(dot(g, along));
+    const double w = p.weight * determinant(jacobian(p, nodes)) * density;
+    for (int j = 0; j < n; ++j)
+      for (int i = 0; i < n; ++i) {
+        G(i, j) +=
+            w * (N[as_size(i)] * turned[as_size(j)] - turned[as_size(i)] * N[as_size(j)]);
+        S(i, j) += w * turned[as_size(i)] * turned[as_size(j)];
+      }
+  }
+  Convection result{three_components(G, n), three_components(S, n)};
+  if (condenses)
+    for (Dense* a : {&result.gyroscopic, &result.softening})
+      *a = multiply_transposed(T, multiply(*a, T));
+  symmetrise(result.gyroscopic, Symmetry::skew);
+  symmetrise(result.softening);
+  return result;
 }
 
 } // namespace flexgram

@@ -47,6 +47,18 @@ double determinant(const Jacobian& J) {
          J[0][2] * (J[1][0] * J[2][1] - J[1][1] * J[2][0]);
 }
 
+Jacobian inverse_jacobian(const ShapePoint& p, const std::vector<Vector3>& x) {
+  const Jacobian J = jacobian(p, x);
+  return inverse(J, determinant(J));
+}
+
+std::vector<Vector3> gradients(const ShapePoint& p, const std::vector<Vector3>& x) {
+  const Jacobian inv = inverse_jacobian(p, x);
+  std::vector<Vector3> result;
+  for (const Vector3& d : p.dN) result.push_back(to_global(inv, d));
+  return result;
+}
+
 void mirror(Dense& a) {
   for (int j = 0; j < a.columns; ++j)
     for (int i = j + 1; i < a.rows; ++i) a(i, j) = a(j, i);

@@ -13,6 +13,10 @@ using Jacobian = std::array<Vector3, 3>; ///< J[a][b] = ∂x_b / ∂ξ_a
 
 Jacobian jacobian(const ShapePoint& p, const std::vector<Vector3>& x);
 double determinant(const Jacobian& J);
+/// ∂N/∂x of the nodes' functions at a point.
+std::vector<Vector3> gradients(const ShapePoint& p, const std::vector<Vector3>& x);
+/// ∂ξ/∂x.
+Jacobian inverse_jacobian(const ShapePoint& p, const std::vector<Vector3>& x);
 
 /// At a point of the stiffness: weight and Jacobian determinant, and the gradients of all (also
 /// incompatible) modes.

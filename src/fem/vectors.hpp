@@ -11,6 +11,10 @@ inline Vector3 cross(const Vector3& a, const Vector3& b) {
           a[0] * b[1] - a[1] * b[0]};
 }
 
+inline double dot(const Vector3& a, const Vector3& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
 /// [a ×]
 inline Dense cross_matrix(const Vector3& a) {
   Dense A(3, 3);

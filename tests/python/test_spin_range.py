@@ -293,7 +293,7 @@ def test_a_wrong_spin_is_named(change: Any, words: str, tmp_path: Path) -> None:
     [
         (
             {"spin": {"axis": [0, 0, 1], "to": 5.0, "frame": "rest"}},
-            "takes beams and masses on its axis",
+            "solids are bodies of revolution about its axis",
         ),
         (
             {

@@ -185,7 +185,9 @@ def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None 
     )
     if given.ndim != 1 or len(given) < 2 or np.any(np.diff(given) <= 0):
         raise BodyError("speeds must be two or more, ascending")
-    turning = any(isinstance(term.law, Spin) for term in system.terms)
+    turning = any(
+        isinstance(term.law, Spin) and not term.name.endswith("_at_rest") for term in system.terms
+    )
     gyroscopic: Floats = sum(
         (term.matrix for term in system.terms if isinstance(term.law, Coriolis)),
         np.zeros_like(system.K),
