@@ -36,6 +36,22 @@ double ErrorOverBand::ratio(std::size_t view, double difference, double size,
   return known > 0 && most < infinity ? most / known : infinity; // NaN too
 }
 
+namespace {
+
+/// What is measured of the medium model's own error.
+double of_medium(ErrorOverBand::Measure measure, double error, double floor) {
+  switch (measure) {
+  case ErrorOverBand::Measure::claim:
+    return error + floor;
+  case ErrorOverBand::Measure::model_error:
+    return error;
+  default:
+    return floor;
+  }
+}
+
+} // namespace
+
 double ErrorOverBand::measured(Measure measure, std::size_t view, double difference,
                                double size, double error, double floor) {
   if (measure == Measure::claim) return ratio(view, difference, size, error + floor);
@@ -149,8 +165,7 @@ ErrorOverBand::Point ErrorOverBand::point(double omega, Small small, double leve
     result.certified[v] =
         small ? measured(measure, v, (*away)[v].above[0], sizes[v], bound.error,
                          bound.floor + solve_floor * medium->size[v].above[0])
-              : ratio(v, 0, sizes[v],
-                      bound.error + (measure == Measure::claim ? bound.floor : 0));
+              : ratio(v, 0, sizes[v], of_medium(measure, bound.error, bound.floor));
     result.proved = result.proved && bound.proved;
   }
   return result;
@@ -180,16 +195,16 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level,
     const ViewNorms away = small ? (*differs)[v] : ViewNorms();
     const ViewNorms& size = medium->size[v];
     const double error = medium->error[v],
-                 of_medium = error + (measure == Measure::claim ? medium->floor[v] : 0);
+                 own = of_medium(measure, error, medium->floor[v]);
     look.upper[v] = 0;
     for (std::size_t i = 0; i < pieces; ++i)
       look.upper[v] =
           std::max(look.upper[v], small ? measured(measure, v, away.above[i],
                                                    size.below[i], error, medium->floor[v])
-                                        : ratio(v, 0, size.below[i], of_medium));
+                                        : ratio(v, 0, size.below[i], own));
     look.worst = std::max(look.worst, look.upper[v]);
     for (std::size_t i = 0; i <= pieces; ++i) {
-      const double here = ratio(v, away.at[i] + (small ? 0.0 : of_medium), size.at[i], 0);
+      const double here = ratio(v, away.at[i] + (small ? 0.0 : own), size.at[i], 0);
       if (here <= most) continue;
       most = here;
       look.omega =
@@ -288,15 +303,16 @@ void ErrorOverBand::where_it_fails(Small small, double tolerance, Measure measur
 std::vector<double> ErrorOverBand::rounding_spots(double tolerance) {
   constexpr std::size_t most = 100;
   std::vector<double> spots;
-  where_it_fails(nullptr, tolerance, Measure::claim, [&](double omega, const Node& node) {
-    const double piece = node.interval.width() / pieces;
-    spots.push_back(node.is_shortest()
-                        ? omega
-                        : worst_between({std::max(node.interval.first, omega - piece),
-                                         std::min(node.interval.last, omega + piece)},
-                                        tolerance, Measure::claim));
-    return spots.size() < most;
-  });
+  where_it_fails(
+      nullptr, tolerance, Measure::rounding, [&](double omega, const Node& node) {
+        const double piece = node.interval.width() / pieces;
+        spots.push_back(node.is_shortest()
+                            ? omega
+                            : worst_between({std::max(node.interval.first, omega - piece),
+                                             std::min(node.interval.last, omega + piece)},
+                                            tolerance, Measure::rounding));
+        return spots.size() < most;
+      });
   return spots;
 }
 

@@ -38,7 +38,8 @@ public:
     claim, ///< the certified error
     /// The model's own error, without rounding; nothing where the small model is as close to
     /// the medium model as that is known to be to the body.
-    model_error
+    model_error,
+    rounding ///< its part that is rounding; of the medium model alone
   };
 
   struct Errors {

@@ -148,6 +148,69 @@ void ModeCoupling::compress() {
   G_ = part_of(all, 0, all.rows, 0, count());
   for (std::size_t t = 0; t < F_.size(); ++t)
     F_[t] = part_of(all, 0, all.rows, count() * (static_cast<int>(t) + 1), count());
+  std::vector<const Dense*> X{&G_};
+  for (const Dense& F : F_) X.push_back(&F);
+  for (std::size_t a = 0; a < X.size(); ++a)
+    for (std::size_t b = a; b < X.size(); ++b)
+      grams_.push_back(multiply_transposed(*X[a], *X[b]));
+}
+
+ComplexDense ModeCoupling::gram(const std::vector<Complex>& x,
+                                const std::vector<double>& unit) const {
+  const int n = count();
+  ComplexDense N(n, n);
+  std::size_t next = 0;
+  for (std::size_t a = 0; a < x.size(); ++a)
+    for (std::size_t b = a; b < x.size(); ++b) {
+      const Dense& S = grams_[next++];
+      const Complex by = std::conj(x[a]) * x[b];
+      if (by == 0.0) continue;
+      for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i)
+          N(i, j) += a == b ? by * S(i, j) : by * S(i, j) + std::conj(by) * S(j, i);
+    }
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) N(i, j) *= unit[as_size(i)] * unit[as_size(j)];
+  return N;
+}
+
+ModeCoupling::Norms ModeCoupling::norms_of(const std::vector<Complex>& x,
+                                           const std::vector<Complex>& turned,
+                                           const ComplexDense& inverse,
+                                           const std::vector<double>& unit) const {
+  const auto inner_product = [](const ComplexDense& a, const ComplexDense& b) {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.data.size(); ++i)
+      sum += a.data[i].real() * b.data[i].real() + a.data[i].imag() * b.data[i].imag();
+    return sum;
+  };
+  const bool same = x == turned;
+  const ComplexDense N = gram(x, unit), product = multiply(N, inverse);
+  ComplexDense of_turned = same ? N : gram(turned, unit);
+  for (Complex& value : of_turned.data) value = std::conj(value);
+  const ComplexDense other = multiply(inverse, of_turned);
+  const double f = frobenius_norm(inverse), J = size(x, unit),
+               J_turned = same ? J : size(turned, unit),
+               epsilon = 4 * std::numeric_limits<double>::epsilon() * (G_.rows + 16);
+  const auto root = [epsilon](double square, double largest) {
+    return std::sqrt(std::max(square, 0.0) + epsilon * largest * largest);
+  };
+  return {root(inner_product(product, other), J * J_turned * f),
+          root(inner_product(inverse, product), J * f),
+          root(inner_product(inverse, other), J_turned * f)};
+}
+
+double ModeCoupling::size(const std::vector<Complex>& x,
+                          const std::vector<double>& unit) const {
+  double sum = 0;
+  std::size_t own = 0; // of X with itself
+  for (std::size_t a = 0; a < x.size(); own += x.size() - a, ++a) {
+    double square = 0;
+    for (int j = 0; j < count(); ++j)
+      square += grams_[own](j, j) * unit[as_size(j)] * unit[as_size(j)];
+    sum += std::abs(x[a]) * std::sqrt(square);
+  }
+  return sum;
 }
 
 /// What J holds inside V is LXᵀ with X = (c M + Σ g T)Y and LᵀL = E⁻¹ − Y(YᵀEY)⁻¹Yᵀ, the inverse of
@@ -295,7 +358,7 @@ double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
   if (count() == 0) return 0; // no mode is below the cutoff
   const ShiftCoefficients at_centre = system.coefficients(interval.centre());
   const Coefficients outer(system, -sigma_, interval), inner(system, tau_, interval);
-  ComplexDense at = A(at_centre), j = J(outer.c, at_centre.terms);
+  ComplexDense at = A(at_centre);
   std::vector<double> unit; // of each mode
   for (int i = 0; i < count(); ++i) {
     const double size = pivot_size(at, i);
@@ -311,18 +374,21 @@ double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
         matrix(i, k) *= unit[as_size(k)] * (rows ? unit[as_size(i)] : 1.0);
     return matrix;
   };
+  const auto size_of = [&](std::size_t a) { // of G, or of a term's F
+    std::vector<Complex> alone(T_.size() + 1);
+    alone[a] = 1;
+    return size(alone, unit);
+  };
   double moved = 0, farthest = 0,
-         moved_J =
-             (outer.moved_c + rounding * largest_c) * frobenius_norm(scale(G_, false)) +
-             widest * largest_c * dropped_G_;
+         moved_J = (outer.moved_c + rounding * largest_c) * size_of(0) +
+                   widest * largest_c * dropped_G_;
   for (std::size_t t = 0; t < T_.size(); ++t) {
     const Law& law = system.terms[t].law;
     const double largest = law.largest(interval.last),
                  by = law.series(interval, enough).moved() + rounding * largest;
     moved += by * frobenius_norm(scale(T_[t], true)) +
              widest * widest * largest * rounding_T_[t];
-    moved_J +=
-        by * frobenius_norm(scale(F_[t], false)) + widest * largest * dropped_F_[t];
+    moved_J += by * size_of(t + 1) + widest * largest * dropped_F_[t];
   }
   for (std::size_t i = 0; i < mu_.size(); ++i) {
     const double own = std::abs(at_centre.k) * (1 + tau_ * mu_[i]) +
@@ -332,34 +398,34 @@ double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
                                unit[i] * unit[i]);
   }
   moved += farthest;
-  j = scale(std::move(j), false);
   at = scale(std::move(at), true);
   const bool symmetric = is_symmetric(system.terms);
-  const ComplexDense of_transposed =
-      symmetric ? ComplexDense()
-                : scale(J(outer.c, transposed(at_centre.terms, system.terms)), false);
-  const ComplexDense& right = symmetric ? j : of_transposed;
-  ComplexDense Y;
+  ComplexDense inverse(count(), count());
+  for (int i = 0; i < count(); ++i) inverse(i, i) = 1;
   try {
-    Y = solved(at, right, true);
+    inverse = solve(at, std::move(inverse));
   } catch (const ShiftError&) {
     return infinity;
   }
-  const auto columns = as_size(j.rows);
-  ComplexDense product(count(), j.rows), inverse(count(), count());
-  const auto split = static_cast<std::ptrdiff_t>(columns * as_size(count()));
-  std::copy(Y.data.begin(), Y.data.begin() + split, product.data.begin());
-  std::copy(Y.data.begin() + split, Y.data.end(), inverse.data.begin());
-  const double size = norm_bound(inverse), away = size * moved;
+  const double of_inverse = norm_bound(inverse), away = of_inverse * moved;
   if (!(away < 1)) return infinity;
-  // ‖A⁻¹Jᵀ‖ of A(ω)ᵀ and ‖JA⁻¹‖.
-  const double y = frobenius_norm(product),
-               left = symmetric ? y : frobenius_norm(multiply(j, inverse)),
-               farther = 1 / (1 - away);
-  const ComplexDense C = multiply(j, product);
-  const double more = farther * (moved * left * y + moved_J * (left + y) +
-                                 moved_J * moved_J * size),
-               taken = taken_by(C, symmetric) + more;
+  const std::vector<Complex> turned =
+      symmetric ? at_centre.terms : transposed(at_centre.terms, system.terms);
+  const auto all = [&](const std::vector<Complex>& g) {
+    std::vector<Complex> x{outer.c};
+    x.insert(x.end(), g.begin(), g.end());
+    return x;
+  };
+  const Norms norms = norms_of(all(at_centre.terms), all(turned), inverse, unit);
+  const double more =
+      (moved * norms.left * norms.right + moved_J * (norms.left + norms.right) +
+       moved_J * moved_J * of_inverse) /
+      (1 - away);
+  if (!(norms.C > little)) return norms.C + more;
+  const ComplexDense j = scale(J(outer.c, at_centre.terms), false);
+  const ComplexDense C = multiply(
+      j, multiply(inverse, transpose(symmetric ? j : scale(J(outer.c, turned), false))));
+  const double taken = taken_by(C, symmetric) + more;
   if (!(taken > little) || !symmetric || !are_semidefinite(system.terms)) return taken;
   std::vector<double> E = energies();
   for (std::size_t i = 0; i < E.size(); ++i) E[i] *= unit[i] * unit[i];

@@ -66,9 +66,24 @@ private:
   ComplexDense J(std::complex<double> c,
                  const std::vector<std::complex<double>>& g) const;
   std::vector<double> energies() const;
+  /// JᴴJ of J = Σ x X, X being G and the F, whose columns are multiplied by `unit`.
+  ComplexDense gram(const std::vector<std::complex<double>>& x,
+                    const std::vector<double>& unit) const;
+  struct Norms {
+    double C, left, right; ///< ‖J A⁻¹ J'ᵀ‖, ‖J A⁻¹‖, ‖A⁻¹ J'ᵀ‖ at most, Frobenius
+  };
+  /// By Gram matrices, which are as small as A. @param x, turned  of J and of J', that of A(ω)ᵀ.
+  Norms norms_of(const std::vector<std::complex<double>>& x,
+                 const std::vector<std::complex<double>>& turned,
+                 const ComplexDense& inverse, const std::vector<double>& unit) const;
+  /// ‖J‖_F of it at most.
+  double size(const std::vector<std::complex<double>>& x,
+              const std::vector<double>& unit) const;
 
   Dense G_;                  ///< rows: the rest of V, then directions of residuals
   std::vector<Dense> F_, T_; ///< of each term: rows as of G; ΦᵀTΦ
+  std::vector<Dense>
+      grams_; ///< XᵀX' of G and the F, each with itself and with those behind it
   std::vector<double> mu_;
   double dropped_G_ = 0; ///< norms of what G and F do not hold, and of their rounding
   std::vector<double> dropped_F_, rounding_T_; ///< of each term; of ΦᵀTΦ its rounding
