@@ -49,13 +49,13 @@ int run(const std::string& verb, MPI_Comm comm) {
   else if (verb == "assemble")
     assemble(comm, settings, observer);
   else
-    plan_only(comm, settings, observer);
+    plan_only(comm, settings, options, observer);
   return 0;
 }
 
 std::vector<std::string> verb_names() {
   std::vector<std::string> names;
-  for (const Verb& verb : program_verbs()) names.push_back(verb.name);
+  for (const Verb& verb : program_verbs()) names.push_back(verb.words.name);
   for (const auto& verb : python_verbs()) names.push_back(verb.first);
   return names;
 }

@@ -60,7 +60,7 @@ const std::vector<std::pair<std::string, std::string>>& python_verbs() {
        "natural frequencies, damping and whirl of a reduced body over its speed"},
       {"hotspots", "where the stress of a reduced body is largest per unit of a load"},
       {"simulate", "response of a reduced body to forces over time"},
-      {"completion", "words that a shell may complete, for bash or zsh"},
+      {"completion", "script that makes bash or zsh complete flexgram"},
   };
   return verbs;
 }

@@ -74,6 +74,8 @@ void require_options_file(const std::vector<std::string>& all) {
     const std::string& path = all[i + 1];
     if (access(path.c_str(), R_OK) != 0)
       throw Error("-options_file " + path + ": " + std::strerror(errno));
+    const std::string end = path.substr(path.find_last_of('.') + 1);
+    if (end == "yaml" || end == "yml") continue; // PETSc reads these too
     std::ifstream file(path);
     int number = 1;
     for (std::string line; std::getline(file, line); ++number) {
@@ -81,6 +83,12 @@ void require_options_file(const std::vector<std::string>& all) {
       std::istringstream words(line);
       std::string option, value, more;
       words >> option >> value >> more;
+      if (!option.empty() && option[0] != '-' && option[0] != '!' && option[0] != '%' &&
+          option[0] != ';' && option != "alias")
+        throw Error(
+            text("-options_file %s, line %d: %s: each line begins with an option, "
+                 "such as -mor_band_hz 10,500",
+                 path.c_str(), number, option.c_str()));
       if (!option.empty() && option[0] == '-' && !more.empty() && value[0] != '"' &&
           value[0] != '\'' && value[0] != '-' && more[0] != '-')
         throw Error(text("-options_file %s, line %d: %s %s %s: an option takes one word, "
@@ -150,6 +158,9 @@ int run_session(int argc, char** argv, const Program& program) {
   };
   if (given.empty() || std::any_of(given.begin(), given.end(), asks_for_help)) {
     const std::string of_verb = verb == "help" && given.size() > 1 ? given[1] : verb;
+    if (of_verb != verb && std::find(program.verbs.begin(), program.verbs.end(),
+                                     of_verb) == program.verbs.end())
+      return tell_and_end("unknown verb " + of_verb + suggestion(of_verb, program.verbs));
     const bool all = std::any_of(given.begin(), given.end(), asks_for_all);
     if (rank == 0) std::fputs(program.help(of_verb, all).c_str(), stdout);
     MPI_Finalize();
@@ -164,8 +175,13 @@ int run_session(int argc, char** argv, const Program& program) {
   }
   const auto& verbs = program.verbs;
   if (std::find(verbs.begin(), verbs.end(), verb) == verbs.end())
-    return tell_and_end("unknown verb " + verb + ": must be one of " + join(verbs) +
-                        " (did you mean " + nearest(verb, verbs) + "?)");
+    return tell_and_end(access(verb.c_str(), F_OK) == 0
+                            ? "name a verb first: flexgram reduce " + quoted(verb)
+                            : "unknown verb " + verb +
+                                  (verb == "-V" || verb == "-v"
+                                       ? ": did you mean --version?"
+                                       : suggestion(verb, verbs)) +
+                                  " (there are " + join(verbs) + ")");
   std::vector<std::string> words;
   try {
     words = program.petsc_words(verb, {given.begin() + 1, given.end()});

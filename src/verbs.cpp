@@ -13,7 +13,8 @@ const CommonOption band{"-mor_band_hz", "FIRST,LAST",
                         "frequency band [Hz], or several: FIRST,LAST,FIRST,LAST"};
 const CommonOption tolerance{"-mor_tol", "ERROR",
                              "largest relative error of H anywhere in the band [1e-3]"};
-const CommonOption order{"-mor_order", "M", "order of the reduced body, for a tolerance"};
+const CommonOption order{"-mor_order", "M",
+                         "order of the reduced body, instead of --tol"};
 const CommonOption inputs{"-mor_inputs", "PORTS",
                           "ports to keep: interfaces (lower) or ports (lower.fx)"};
 const CommonOption outputs{"-mor_outputs", "PORTS", "the same for outputs [the inputs]"};
@@ -24,7 +25,7 @@ const CommonOption frame_interface{"-mor_frame_interface", "NAME",
 const CommonOption statics{"-mor_statics", "",
                            "answer static loads at all ports without error"};
 const CommonOption method{"-mor_method", "NAME",
-                          "two_step with a proof, or pod, modal, craig_bampton, ..."};
+                          "two_step with a proof; modal, craig_bampton, krylov, ..."};
 const CommonOption at{"-mor_at", "NAME=VALUE", "values of the body's parameters"};
 const CommonOption groups{"-mor_groups", "N",
                           "groups of ranks, each with its own frequencies [auto]"};
@@ -42,18 +43,24 @@ const char* const all_help =
     "Each option has two names: --band on the command line, -mor_band_hz there too and "
     "in\nPETSc's options files (-options_file FILE, PETSC_OPTIONS). Every PETSc option "
     "works\nbeside them: -log_view, -malloc_debug, ...\n"
+    "-o FILE is the file that a verb writes. -v, -vv and -q are --monitor plan, detail, "
+    "silent.\n\n"
     "Options [default]:\n";
 
-std::vector<Option> options_of(const std::string& verb) {
+Options registry() {
   Settings settings;
   Options options(Options::Mode::describe);
   settings.describe(options);
-  std::vector<Option> own;
-  for (const Option& option : options.all()) {
-    const auto verbs = split(option.verbs, ' ');
-    if (std::find(verbs.begin(), verbs.end(), verb) != verbs.end()) own.push_back(option);
-  }
-  return own;
+  return options;
+}
+
+/// Where the tolerance may be missed.
+std::string status_of(const Verb& verb) {
+  const bool has_tolerance =
+      std::any_of(verb.common.begin(), verb.common.end(),
+                  [](const CommonOption& c) { return c.option == "-mor_tol"; });
+  return has_tolerance && !verb.words.output.empty() ? status_help
+                                                     : "Exit status: 0; 1 for errors.\n";
 }
 
 std::string line(const std::string& name, const std::string& what) {
@@ -61,18 +68,15 @@ std::string line(const std::string& name, const std::string& what) {
 }
 
 std::string help_of(const Verb& verb, bool all_options) {
-  std::string words = "usage: flexgram " + verb.name + " " + verb.usage + "\n\n" +
+  std::string words = "usage: flexgram " + verb.words.name + " " + verb.usage + "\n\n" +
                       verb.what + "\n\n  " + verb.example + "\n\n";
   if (all_options) {
-    Settings settings;
-    Options options(Options::Mode::describe);
-    settings.describe(options);
-    return words + status_help + "\n" + all_help + options.help(verb.name);
+    return words + status_of(verb) + all_help + registry().help(verb.words.name);
   }
   for (const CommonOption& common : verb.common) {
-    const auto& files = verb.files.inputs;
+    const auto& files = verb.words.inputs;
     std::string name = common.value; // a file alone
-    if (common.option == verb.files.output)
+    if (common.option == verb.words.output)
       name = "-o " + name;
     else if (std::find(files.begin(), files.end(), common.option) == files.end())
       name = short_name(common.option) + (name.empty() ? "" : " ") + name;
@@ -99,7 +103,7 @@ std::string overview() {
       "  flexgram export part.rom.h5 --to exudyn -o part.npz\n\n"
       "Verbs:\n";
   for (const Verb& verb : program_verbs())
-    words += text("  flexgram %-10s %s\n", verb.name.c_str(), verb.what.c_str());
+    words += text("  flexgram %-10s %s\n", verb.words.name.c_str(), verb.what.c_str());
   words += "\nand, of the Python package,\n\n";
   for (const auto& [name, what] : python_verbs())
     words += text("  flexgram %-10s %s\n", name.c_str(), what.c_str());
@@ -110,12 +114,11 @@ std::string overview() {
 
 const std::vector<Verb>& program_verbs() {
   static const std::vector<Verb> verbs{
-      {"reduce",
+      {{"reduce", {"-body"}, "-mor_out"},
        "BODY [options]",
        "the smallest body that meets the tolerance over the band, with the proof of its "
        "error",
        "flexgram reduce rack.h5 --band 10,500 --tol 1e-4 -o rack.rom.h5",
-       {{"-body"}, "-mor_out"},
        {{"-body", "BODY", "body file, of flexgram import"},
         band,
         tolerance,
@@ -129,11 +132,10 @@ const std::vector<Verb>& program_verbs() {
         method,
         at,
         restart}},
-      {"certify",
+      {{"certify", {"-body"}, "-mor_medium_out"},
        "BODY [options]",
        "a medium model with its proof, once, to cut small bodies from",
        "flexgram certify rack.h5 --band 10,500 --tol 1e-6 -o rack.medium.h5",
-       {{"-body"}, "-mor_medium_out"},
        {{"-body", "BODY", "body file, of flexgram import"},
         band,
         {"-mor_tol", "ERROR", "smallest tolerance of bodies that are cut from it [1e-3]"},
@@ -142,11 +144,10 @@ const std::vector<Verb>& program_verbs() {
         outputs,
         at,
         restart}},
-      {"cut",
+      {{"cut", {"-medium"}, "-mor_out"},
        "MEDIUM [options]",
        "a reduced body out of a certified medium model, without the body's matrices",
        "flexgram cut rack.medium.h5 --tol 1e-4 --inputs upper -o upper.rom.h5",
-       {{"-medium"}, "-mor_out"},
        {{"-medium", "MEDIUM", "file of flexgram certify"},
         {"-mor_band_hz", "FIRST,LAST", "frequency band [Hz] [that of the medium model]"},
         tolerance,
@@ -158,11 +159,10 @@ const std::vector<Verb>& program_verbs() {
         frame_interface,
         statics,
         method}},
-      {"sweep",
+      {{"sweep", {"-body", "-rom"}, "-mor_sweep_out"},
        "BODY [ROM] [options]",
        "H of the full body over frequencies, and the error of a reduced one",
        "flexgram sweep rack.h5 rack.rom.h5 --sweep 10,500,200 -o rack.sweep.h5",
-       {{"-body", "-rom"}, "-mor_sweep_out"},
        {{"-body", "BODY", "body file"},
         {"-rom", "ROM", "reduced file to compare with it"},
         {"-mor_sweep_hz", "FIRST,LAST,COUNT", "frequencies [Hz] [10,500,200]"},
@@ -171,17 +171,15 @@ const std::vector<Verb>& program_verbs() {
         outputs,
         at,
         groups}},
-      {"plan",
+      {{"plan", {"-body"}, ""},
        "BODY [options]",
        "what reduce would do and skip, and its memory",
        "flexgram plan rack.h5 --band 10,500",
-       {{"-body"}, ""},
        {{"-body", "BODY", "body file"}, band, tolerance, inputs, method}},
-      {"assemble",
+      {{"assemble", {"-body"}, "-body_out"},
        "MESH_BODY -o FILE",
        "a body of matrices of a mesh",
        "flexgram assemble rack.h5 -o rack.matrices.h5",
-       {{"-body"}, "-body_out"},
        {{"-body", "MESH_BODY", "body file that holds a mesh"},
         {"-body_out", "FILE", "body of matrices to write"},
         at}},
@@ -193,19 +191,16 @@ std::vector<std::string> petsc_words_of(const std::string& name,
                                         const std::vector<std::string>& words) {
   const auto& verbs = program_verbs();
   const auto verb = std::find_if(verbs.begin(), verbs.end(),
-                                 [&](const Verb& v) { return v.name == name; });
+                                 [&](const Verb& v) { return v.words.name == name; });
   if (verb == verbs.end()) return words;
-  return petsc_words(words, options_of(name), verb->files);
+  return petsc_words(words, registry().all(), verb->words);
 }
 
 std::string help_text(const std::string& asked, bool all_options) {
   for (const Verb& verb : program_verbs())
-    if (verb.name == asked) return help_of(verb, all_options);
+    if (verb.words.name == asked) return help_of(verb, all_options);
   if (!all_options) return overview();
-  Settings settings;
-  Options options(Options::Mode::describe);
-  settings.describe(options);
-  return overview() + "\n" + status_help + "\n" + all_help + options.help();
+  return overview() + "\n" + status_help + "\n" + all_help + registry().help();
 }
 
 } // namespace flexgram

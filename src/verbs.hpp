@@ -17,8 +17,8 @@ struct CommonOption {
 };
 
 struct Verb {
-  std::string name, usage, what, example;
-  VerbFiles files;
+  VerbWords words;
+  std::string usage, what, example;
   std::vector<CommonOption> common;
 };
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import os
 import shutil
 import sys
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from flexgram.basics import BodyError, expect_kept
+from flexgram.basics import BodyError, be_quiet, expect_kept
 from flexgram.cli.commands import COMMANDS
 
 #: Verbs of the compiled program.
@@ -46,12 +48,24 @@ def keep_inputs(options: argparse.Namespace) -> None:
 
 
 class Parser(argparse.ArgumentParser):
-    """Ends with status 1 for a wrong command line, as the program does: its 2 says that a
-    tolerance is not met."""
+    """Ends with one message and status 1 for a wrong command line, as the program does: its 2 says
+    that a tolerance is not met."""
 
     def error(self, message: str) -> NoReturn:
-        self.print_usage(sys.stderr)
-        self.exit(1, f"flexgram: {message}\n")
+        self.exit(1, f"flexgram: {message} ({self.prog} --help)\n")
+
+    def refuse(self, words: Sequence[str]) -> NoReturn:
+        """End with the first of the words that nothing takes, and the option that is near it."""
+        word = words[0]
+        known = [name for action in self._actions for name in action.option_strings]
+        near = difflib.get_close_matches(word.split("=")[0], known, 1)
+        if word.startswith("-"):
+            self.error(f"unknown option {word}" + (f": did you mean {near[0]}?" if near else ""))
+        self.error(f"stray word {word}: an option takes one word, lists have commas")
+
+
+#: How much the program prints; these verbs have no plan.
+LEVELS = ("-v", "-vv", "-q")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -75,7 +89,7 @@ def main(arguments: list[str] | None = None) -> int:
         f"{', '.join(PROGRAM_VERBS)}.",
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    work = {}
+    work, parsers = {}, {}
     for name, (what, example, describe, run) in COMMANDS.items():
         command = commands.add_parser(
             name,
@@ -85,9 +99,14 @@ def main(arguments: list[str] | None = None) -> int:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         describe(command)
-        work[name] = run
+        work[name], parsers[name] = run, command
     helps = ("-help", "--help-all")
-    options = parser.parse_args(["--help" if word in helps else word for word in words])
+    taken = ["--help" if word in helps else word for word in words if word not in LEVELS]
+    options, others = parser.parse_known_args(taken)
+    if others:
+        parsers[options.command].refuse(others)
+    if "-q" in words:
+        be_quiet()
     try:
         with warnings.catch_warnings():
             warnings.showwarning = lambda text, *_, **__: print(f"warning: {text}", file=sys.stderr)

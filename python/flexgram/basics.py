@@ -240,9 +240,20 @@ def written_aside(
         shutil.rmtree(folder, ignore_errors=True)
 
 
+_is_quiet = False
+
+
+def be_quiet() -> None:
+    """Print nothing from now on but errors and warnings."""
+    global _is_quiet
+    _is_quiet = True
+
+
 def say(line: str) -> None:
     """Print, with what no terminal should get escaped; where nobody listens any more (``| head``)
     the work goes on."""
+    if _is_quiet:
+        return
     try:
         print("\n".join(shown(part) for part in line.split("\n")), flush=True)
     except BrokenPipeError:

@@ -11,8 +11,10 @@
 
 namespace flexgram {
 
-/// What a verb calls its files: the options for words without one, in their order, and for -o.
-struct VerbFiles {
+/// A verb: its name, and what it calls its files: the options for words without one, in their
+/// order, and for -o.
+struct VerbWords {
+  std::string name;
   std::vector<std::string> inputs;
   std::string output;
 };
@@ -22,10 +24,11 @@ struct VerbFiles {
 /// `--band` stands for -mor_band_hz, `--load-patterns=12` for -mor_load_patterns 12: the option
 /// without `mor` and `_hz`, with hyphens. `-v`, `-vv` and `-q` set what is printed. Words with one
 /// dash are PETSc's and stay, each with the word behind it that is no option.
-/// @param options  of the verb.
-/// @throws Error for an unknown or incomplete option, and for a file too many.
+/// @param options  of all verbs.
+/// @throws Error for an unknown or incomplete option, one of another verb, one that is given twice,
+/// and for a file too many.
 std::vector<std::string> petsc_words(const std::vector<std::string>& words,
                                      const std::vector<Option>& options,
-                                     const VerbFiles& files);
+                                     const VerbWords& verb);
 
 } // namespace flexgram

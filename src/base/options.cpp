@@ -26,7 +26,9 @@ std::vector<std::string> names_in_database() {
   FG_CALL(PetscOptionsGetAll(nullptr, &all));
   std::vector<std::string> names;
   for (const auto& word : split(all, ' '))
-    if (word.size() > 1 && word[0] == '-' && std::isalpha(word[1])) names.push_back(word);
+    if (word.size() > 2 && word[0] == '-' &&
+        std::isalpha(static_cast<unsigned char>(word[word[1] == '-' ? 2 : 1])))
+      names.push_back(word);
   PetscFree(all);
   return names;
 }
@@ -113,7 +115,13 @@ void Options::add(const char* name, std::vector<double>& value, const char* unit
   const bool set = given(name, word);
   if (set) {
     value.clear();
-    for (const auto& part : split(word, ',')) value.push_back(parse_number(name, part));
+    for (const auto& part : split(word, ',')) {
+      char* end = nullptr;
+      value.push_back(std::strtod(part.c_str(), &end));
+      require_option(
+          *end == '\0' && std::isfinite(value.back()), name, word,
+          "finite numbers with commas between them and no unit, such as 10,500");
+    }
     require_option(!value.empty(), name, word, "a list of numbers such as 10,500");
   }
   std::vector<std::string> words;
@@ -164,26 +172,26 @@ void Options::reject_unknown() const {
   std::vector<std::string> known;
   for (const auto& option : options_) known.push_back(option.name);
   for (const auto& name : names_in_database()) {
-    const bool hyphen = name.rfind("-mor-", 0) == 0;
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    // --band of a file, or -band: PETSc takes its own names alone there.
+    for (const auto& option : options_)
+      if (const std::string own = short_name(option.name);
+          name == own || "-" + name == own || name == "-mor_" + own.substr(2))
+        throw Error(text("unknown option %s: did you mean --%s (\\%s in an options file "
+                         "or PETSC_OPTIONS)?",
+                         name.c_str(), own.c_str() + 2, option.name.c_str()));
     // -bodi: nearly one of ours without the prefix, and nothing of PETSc's is so near
     const std::string near = nearest(name, known);
-    const bool misspelt = near.rfind("-mor_", 0) != 0 && near != name &&
-                          near.size() == name.size() && name.size() > 4 &&
-                          near.substr(0, 3) == name.substr(0, 3);
-    if (misspelt)
-      throw Error(
-          text("unknown option %s: did you mean %s?", name.c_str(), near.c_str()));
-    const bool no_prefix =
-        std::find(known.begin(), known.end(), "-mor_" + name.substr(1)) != known.end();
-    if (name.rfind("-mor_", 0) != 0 && !hyphen && !no_prefix) continue;
-    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    const bool misspelt = near.rfind("-mor_", 0) != 0 && near.size() == name.size() &&
+                          name.size() > 4 && near.substr(0, 3) == name.substr(0, 3);
+    const bool is_ours = name.rfind("-mor_", 0) == 0 || name.rfind("-mor-", 0) == 0;
+    if (!is_ours && !misspelt) continue;
     if (std::any_of(prefixes_.begin(), prefixes_.end(),
                     [&](const auto& prefix) { return name.rfind(prefix, 0) == 0; }))
       continue;
-    const std::string meant = no_prefix ? "-mor_" + name.substr(1) : nearest(name, known);
-    throw Error(
-        text("unknown option %s: did you mean %s? (flexgram VERB --help-all lists all)",
-             name.c_str(), meant.c_str()));
+    throw Error(text("unknown option %s: did you mean %s? (flexgram VERB --help-all "
+                     "lists all)",
+                     name.c_str(), near.c_str()));
   }
 }
 
@@ -195,7 +203,7 @@ std::string Options::help(const std::string& verb) const {
       continue;
     const std::string title =
         option.section + (verb.empty() ? " (" + join(verbs) + ")" : std::string());
-    if (title != section) result += "\n" + (section = title) + "\n";
+    if (title != section) result += "\n" + option_names(section = title) + "\n";
     std::string head = short_name(option.name) + ", " + option.name;
     if (!option.choices.empty()) head += " <" + option.choices + ">";
     if (!option.value.empty()) head += " [" + option.value + "]";

@@ -54,6 +54,35 @@ std::string nearest(std::string_view word, const std::vector<std::string>& candi
   return best;
 }
 
+std::string quoted(const std::string& path) {
+  const std::string plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                            "0123456789._-+/,:@%=";
+  if (path.find_first_not_of(plain) == std::string::npos) return path;
+  std::string result = "'";
+  for (char c : path)
+    result += std::string_view("'")[0] == c ? "'\\''" : std::string(1, c);
+  return result + "'";
+}
+
+std::string suggestion(const std::string& word,
+                       const std::vector<std::string>& candidates) {
+  const auto letters = [](const std::string& a) {
+    return a.substr(std::min(a.find_first_not_of('-'), a.size()));
+  };
+  const std::string own = letters(word);
+  std::string found;
+  for (const std::string& candidate : candidates) { // the longest that is the beginning
+    const std::string other = letters(candidate);
+    const std::size_t common = std::min(own.size(), other.size());
+    if (common >= 3 && own.compare(0, common, other, 0, common) == 0 &&
+        (found.empty() || letters(found).size() < other.size()))
+      found = candidate;
+  }
+  const std::string near = nearest(word, candidates);
+  if (edit_distance(own, letters(near)) <= (own.size() < 6 ? 1 : 2)) found = near;
+  return found.empty() ? "" : ": did you mean " + found + "?";
+}
+
 namespace {
 
 std::set<std::string>& option_keys() {
@@ -97,6 +126,11 @@ std::string option_names(const std::string& message) {
   };
   std::string result;
   for (std::size_t i = 0; i < message.size(); ++i) {
+    if (message[i] == '\\' && message.compare(i + 1, prefix.size(), prefix) == 0) {
+      result += prefix; // as it is
+      i += prefix.size();
+      continue;
+    }
     std::size_t begin = i, end = i, next = i;
     if (message[i] == '{' && message.find('}', i) != std::string::npos) {
       begin = i + 1;

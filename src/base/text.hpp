@@ -12,6 +12,13 @@ namespace flexgram {
 /// The candidate with the smallest edit distance to `word`; empty if there are none.
 std::string nearest(std::string_view word, const std::vector<std::string>& candidates);
 
+/// A file's name as a shell takes it.
+std::string quoted(const std::string& path);
+
+/// ": did you mean NEAREST?", if one is near: a few letters away, or one begins with the other.
+std::string suggestion(const std::string& word,
+                       const std::vector<std::string>& candidates);
+
 /// "a, b, c"
 std::string join(const std::vector<std::string>& words,
                  std::string_view separator = ", ");
@@ -26,7 +33,7 @@ enum class OptionStyle { command_line, keyword };
 void set_option_style(OptionStyle style);
 /// "{tol} is not met" or "-mor_tol is not met" → "--tol is not met": the mathematics names what
 /// a user can set by its key, and the texts that leave the program by the option. Braces around
-/// anything else, such as a part of a file's name, stay.
+/// anything else, such as a part of a file's name, stay; "\\-mor_tol" becomes "-mor_tol".
 std::string option_names(const std::string& message);
 /// "-mor_tol": the registry tells every option that there is.
 void know_option(const std::string& name);

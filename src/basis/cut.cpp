@@ -301,8 +301,15 @@ std::string Cut::frame_interface() const {
 Dense Cut::tangent(const Dense& Q) const {
   const std::string interface = frame_interface();
   std::vector<int> ports;
-  for (const auto& [name, own] : interfaces_of(medium_.names.inputs))
+  const auto known = interfaces_of(medium_.names.inputs);
+  for (const auto& [name, own] : known)
     if (name == interface) ports = own;
+  if (ports.empty() && !interface.empty()) {
+    std::vector<std::string> names;
+    for (const auto& entry : known) names.push_back(entry.first);
+    throw Error(text("{frame_interface} %s: there is no such interface; there are %s",
+                     interface.c_str(), join(names).c_str()));
+  }
   if (ports.size() != 6 || medium_.rigid != 6)
     throw Error(
         text("{frame} tangent needs a free body and an interface with six ports; %s%s "

@@ -310,7 +310,12 @@ void take_symmetric_part(Matrix& matrix, const std::string& name,
 bool holds_mesh(const Hdf5File& file) {
   const bool mesh = file.exists("/mesh");
   if (file.exists("/gramian"))
-    fail(file, "this is a reduced file, not a body (-rom takes it)");
+    fail(file, "this is a reduced file, not a body; flexgram sweep BODY ROM compares it "
+               "with its body");
+  if (file.has_attribute("/", "levels"))
+    fail(file, "this is a medium model, not a body; flexgram cut takes it");
+  if (!mesh && file.exists("/H") && file.exists("/omega"))
+    fail(file, "this is a sweep file, not a body; flexgram plot takes it");
   if (!mesh && !file.exists("/K"))
     fail(file, "neither /K (a body of matrices) nor /mesh (a body to assemble) is there");
   return mesh;

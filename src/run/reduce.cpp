@@ -197,8 +197,11 @@ void add_frame_integrals(ReducedModel& rom, const Body& body, const Settings& s,
 
 void warn_of_default_band(const Options& options, Observer& observer) {
   for (const Option& option : options.all())
-    if (option.name == "-mor_band_hz" && !option.set_by_user)
-      observer.warn("-mor_band_hz is not given: the band is " + option.value + " Hz");
+    if (const auto ends = split(option.value, ',');
+        option.name == "-mor_band_hz" && !option.set_by_user)
+      observer.warn("{band_hz} is not given: the band is " +
+                    (ends.size() == 2 ? ends[0] + " to " + ends[1] : option.value) +
+                    " Hz");
 }
 
 /// The checkpoint of work that is done: what this run wrote or went on from. Of the
@@ -232,9 +235,9 @@ bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
   say_result(rom, body, observer);
   say_time(observer, body.comm);
   observer.say("  wrote          " + s.out);
-  say_next("flexgram report " + s.out + " -o " +
-               std::filesystem::path(s.out).stem().string() + ".html",
-           observer);
+  const std::string page =
+      std::filesystem::path(s.out).replace_extension("html").string();
+  say_next("flexgram report " + quoted(s.out) + " -o " + quoted(page), observer);
   return !rom.claim.supremum || rom.claim.supremum->met;
 }
 
@@ -336,13 +339,13 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
   if (s.medium_out.empty()) s.choose_tolerance(observer); // else it serves later cuts too
   const CheckpointSpec checkpoint = s.checkpoint_spec(s.out);
   let_sigterm_ask();
-  if (!s.body.empty()) warn_of_default_band(options, observer);
   check_output(comm, s.out, {s.body, s.loads});
   check_default_output(comm, s.out, options, "-mor_out", "/gramian");
   check_checkpoint(comm, checkpoint);
   const auto before = written_at(s.out);
   if (s.medium_out.empty()) {
     const Body body = load_body(comm, s, observer);
+    warn_of_default_band(options, observer);
     const ReducedModel rom = reduce_body(body, s, observer, checkpoint);
     const bool met = write_result(rom, body.model, s, options, observer, before);
     remove(checkpoint, comm);
@@ -354,6 +357,7 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
     throw Error("-mor_medium_out and -mor_out name the same file, " + s.out);
   check_output(comm, s.medium_out, {s.body});
   const Body body = load_body(comm, s, observer);
+  warn_of_default_band(options, observer);
   observer.print();
   const Medium medium = certify_body(body, s, true, observer, checkpoint);
   write_medium_file(medium, s, options, observer, s.medium_out);
@@ -369,7 +373,6 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
 
 void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
-  if (!s.body.empty()) warn_of_default_band(options, observer);
   if (s.takes_samples())
     throw Error("-mor_method pod has no medium model to certify: flexgram reduce");
   const std::string out = s.medium_out.empty() ? "medium.h5" : s.medium_out;
@@ -380,6 +383,7 @@ void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& obser
   check_checkpoint(comm, checkpoint);
   let_sigterm_ask();
   const Body body = load_body(comm, s, observer);
+  warn_of_default_band(options, observer);
   observer.print();
   const Medium medium = certify_body(body, s, true, observer, checkpoint);
   if (medium.integrals) tell_integrals(*medium.integrals, observer);
@@ -391,7 +395,7 @@ void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& obser
                     medium.claim().c_str()));
   say_time(observer, comm);
   observer.say("  wrote          " + out);
-  say_next("flexgram cut " + out + " --tol 1e-4 -o rom.h5", observer);
+  say_next("flexgram cut " + quoted(out) + " --tol 1e-4 -o rom.h5", observer);
 }
 
 bool cut(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
@@ -418,9 +422,10 @@ bool cut(MPI_Comm comm, Settings& s, const Options& options, Observer& observer)
   return write_result(rom, medium.body, s, options, observer, before);
 }
 
-void plan_only(MPI_Comm comm, Settings& s, Observer& observer) {
+void plan_only(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
   const Body body = load_body(comm, s, observer);
+  warn_of_default_band(options, observer);
   observer.skip("checks that factorise", "plan only analyses");
   if (s.takes_samples()) {
     FrequencySolves solves = prepare_samples(body, s, observer);

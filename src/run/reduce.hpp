@@ -35,6 +35,7 @@ bool reduce(MPI_Comm comm, Settings& settings, const Options& options,
 bool cut(MPI_Comm comm, Settings& settings, const Options& options, Observer& observer);
 void certify(MPI_Comm comm, Settings& settings, const Options& options,
              Observer& observer);
-void plan_only(MPI_Comm comm, Settings& settings, Observer& observer);
+void plan_only(MPI_Comm comm, Settings& settings, const Options& options,
+               Observer& observer);
 
 } // namespace flexgram

@@ -85,16 +85,17 @@ void Settings::check_lists() const {
 }
 
 void Settings::check_order() {
-  if (order_word == "auto" || order_word == "rule" || order_word == "0") {
+  if (order_word == "auto" || order_word == "rule") {
     order.order = 0;
   } else {
     const bool digits = order_word.size() < 9 &&
                         order_word.find_first_not_of("0123456789") == std::string::npos;
-    require_option(digits, "-mor_order", order_word, "a whole number, rule or auto");
-    order.order = std::stoi(order_word);
+    order.order = digits ? std::stoi(order_word) : 0;
+    require_option(order.order > 0, "-mor_order", order_word,
+                   "a whole number from 1 on, rule or auto");
   }
-  require_option(!order.tolerance || order_word == "auto", "-mor_tol", "with -mor_order",
-                 "given without the other: the tolerance chooses the order");
+  if (order.tolerance && order_word != "auto")
+    throw Error("give {tol} or {order}, not both: a tolerance chooses the order");
 }
 
 /// Tolerances of kinds.

@@ -42,19 +42,27 @@ std::string words_of(const Claim& claim) {
            over(band.bands).c_str());
   if (band.values.size() > 1)
     words += text(" with each of %zu values of the parameters", band.values.size());
-  words += ": relative error of H ";
-  words += std::isfinite(band.worst) ? "at most " + percent_or_power(band.worst)
-                                     : "without a bound";
+  const auto largest =
+      std::max_element(claim.by_kind.begin(), claim.by_kind.end(),
+                       [](const auto& x, const auto& y) { return x.worst < y.worst; });
+  const bool is_of_kind = largest != claim.by_kind.end() && largest->worst > band.whole;
+  words += std::isfinite(band.worst)
+               ? text(": relative error%s at most %s", is_of_kind ? "" : " of H",
+                      percent_or_power(band.worst).c_str())
+               : ": relative error without a bound";
   if (band.tolerance)
     words += text(", tolerance %g %s", *band.tolerance, band.met ? "met" : "NOT met");
   words += ".";
+  if (is_of_kind && std::isfinite(band.worst))
+    words += text("\n  It is largest for %s; of H as a whole it is at most %s.",
+                  largest->name.c_str(), percent_or_power(band.whole).c_str());
   if (!band.of_all_values.empty())
-    words += text(" With all values of the parameters it is at most %s.",
+    words += text("\n  With all values of the parameters it is at most %s.",
                   percent_or_power(*std::max_element(band.of_all_values.begin(),
                                                      band.of_all_values.end()))
                       .c_str());
   if (!band.excluded.empty())
-    words += text(" Nothing is claimed in %zu narrow interval%s around undamped "
+    words += text("\n  Nothing is claimed in %zu narrow interval%s around undamped "
                   "resonances.",
                   band.excluded.size(), band.excluded.size() == 1 ? "" : "s");
   return words;

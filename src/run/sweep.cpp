@@ -111,7 +111,7 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& o
     }
     const auto worst = std::max_element(epsilon.begin(), epsilon.end());
     const std::string words =
-        text("at most %.2e of %zu frequencies, at %.4g Hz", *worst, omega.size(),
+        text("at most %.2e at %zu frequencies, largest at %.4g Hz", *worst, omega.size(),
              omega[as_size(worst - epsilon.begin())] * hz);
     observer.fact("error", words);
     if (observer.level() == Observer::Level::summary)

@@ -142,8 +142,19 @@ TEST(Base, MessagesNameOptionsAndLeaveOtherBracesAlone) {
   set_option_style(OptionStyle::command_line);
 }
 
+TEST(Base, SuggestionsAreNearOrNone) {
+  const std::vector<std::string> known{"--tol", "--tol-of", "--band", "--body"};
+  EXPECT_EQ(suggestion("--tolerance", known), ": did you mean --tol?");
+  EXPECT_EQ(suggestion("--bnd", known), ": did you mean --band?");
+  EXPECT_EQ(suggestion("--tol_of", known), ": did you mean --tol-of?");
+  EXPECT_EQ(suggestion("--wobble", known), "");
+  EXPECT_EQ(quoted("out/a b.h5"), "'out/a b.h5'");
+  EXPECT_EQ(quoted("it's"), "'it'\\''s'");
+  EXPECT_EQ(quoted("out/a.h5"), "out/a.h5");
+}
+
 TEST(Base, ShortWordsBecomePetscs) {
-  std::vector<Option> options(4);
+  std::vector<Option> options(5);
   options[0].name = "-body";
   options[1].name = "-mor_band_hz";
   options[2].name = "-mor_field_error";
@@ -151,9 +162,12 @@ TEST(Base, ShortWordsBecomePetscs) {
   options[2].choices = "no|yes";
   options[3].name = "-mor_mumps_icntl_N";
   options[3].type = "numbered";
+  for (Option& option : options) option.verbs = "reduce plan";
+  options[4].name = "-mor_sweep_hz";
+  options[4].verbs = "sweep";
   using Words = std::vector<std::string>;
   const auto become = [&](const Words& words) {
-    return petsc_words(words, options, {{"-body", "-rom"}, "-mor_out"});
+    return petsc_words(words, options, {"reduce", {"-body", "-rom"}, "-mor_out"});
   };
   EXPECT_EQ(become({"a.h5", "--band", "-1,2", "-o", "b.h5"}),
             (Words{"-body", "a.h5", "-mor_band_hz", "-1,2", "-mor_out", "b.h5"}));
@@ -165,7 +179,9 @@ TEST(Base, ShortWordsBecomePetscs) {
       (Words{"-mor_field_error", "no", "-mor_mumps_icntl_14", "30", "-log_view", ":x"}));
   EXPECT_EQ(become({"-body", "a.h5", "b.h5"}), (Words{"-body", "a.h5", "-rom", "b.h5"}));
   EXPECT_EQ(become({"--band_hz=1"}), (Words{"-mor_band_hz", "1"}));
-  for (const Words& wrong : {Words{"--bnd", "1"}, Words{"--band"}, Words{"--band", "-o"},
-                             Words{"-o"}, Words{"a", "b", "c"}})
+  EXPECT_EQ(become({"-o=a", "-v"}), (Words{"-mor_out", "a", "-mor_monitor", "plan"}));
+  for (const Words& wrong :
+       {Words{"--bnd", "1"}, Words{"--band"}, Words{"--band", "-o"}, Words{"-o"},
+        Words{"a", "b", "c"}, Words{"--sweep", "1"}, Words{"--band", "1", "--band", "2"}})
     EXPECT_THROW(become(wrong), Error);
 }

@@ -248,9 +248,9 @@ OPTIONS = {
         ["-mor_method", "pod", "-mor_band_hz", "0,1", "-mor_spacing", "log"],
         "start above zero",
     ),
-    "tolerance and order": (["-mor_tol", "0.1", "-mor_order", "3"], "--tol with --order"),
+    "tolerance and order": (["-mor_tol", "0.1", "-mor_order", "3"], "give --tol or --order"),
     "hyphen": (["-mor-order", "3"], "did you mean --order?"),
-    "prefix": (["-order", "3"], "did you mean --order?"),
+    "prefix": (["-order", "3"], "did you mean --order (-mor_order"),
     "options file": (["-options_file", "none.opts"], "No such file"),
     "stray word": (["-mor_order", "3", "500"], "stray word 500"),
     "icntl": (["-mor_mumps_icntl_61", "1"], "numbered 1 to 60"),
@@ -288,7 +288,7 @@ def test_a_band_that_nobody_chose_is_named(tmp_path: Path) -> None:
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
     write_matrices(body, **chain())
     result = run("reduce", "-body", body, "-mor_out", out)
-    assert "--band is not given: the band is 10,500 Hz" in result.out + result.err
+    assert "--band is not given: the band is 10 to 500 Hz" in result.out + result.err
 
 
 def damaged(name: str, path: Path) -> None:

@@ -74,10 +74,24 @@ def test_short_words_are_the_same_command(tmp_path: Path) -> None:
     ("words", "expected"),
     [
         (("--bnd", "10,500"), "unknown option --bnd: did you mean --band?"),
+        (("-band", "10,500"), "unknown option -band: did you mean --band (-mor_band_hz in an"),
+        (("-mor_band", "10,500"), "unknown option -mor_band: did you mean --band (-mor_band_hz"),
+        (("--tolerance", "1e-3"), "unknown option --tolerance: did you mean --tol?"),
+        (("--mor_tol", "1e-3"), "unknown option --mor-tol: did you mean --tol?"),
+        (("--verbose",), "unknown option --verbose: did you mean -v?"),
+        (("--sweep", "1,2,3"), "--sweep is an option of flexgram sweep, not of reduce"),
+        (("--wobble", "1"), "unknown option --wobble: flexgram reduce --help-all lists all"),
+        (("--tol", "1", "--tol", "2"), "--tol is given twice"),
+        (("--band", "1,2", "--band", "3,4"), "given twice: several bands are one list"),
+        (("–tol", "1e-3"), "–tol begins with a dash of a text processor"),
+        (("tol=1e-3",), "stray word tol=1e-3: did you mean --tol 1e-3?"),
+        (("--band", "10-500"), "must be finite numbers with commas between them and no unit"),
+        (("--order", "0"), "option --order 0: must be a whole number from 1 on"),
+        (("--order", "3", "--tol", "1e-3"), "give --tol or --order, not both"),
         (("--band",), "--band needs a value"),
         (("--band", "--tol", "1e-3"), "--band needs a value"),
         (("-o",), "-o needs the name of the file"),
-        (("two.h5",), "stray word two.h5"),
+        (("two.h5",), "stray word two.h5: flexgram reduce takes 1 file, which is named already"),
         (("--tol", "small"), "option --tol small: must be a finite number"),
         (("--frame", "bucken"), "option --frame bucken: must be one of"),
         (("-mor_tolr", "1"), "unknown option -mor_tolr: did you mean --tol"),
@@ -101,12 +115,14 @@ def test_what_is_printed(tmp_path: Path) -> None:
     brief = [line for line in said().splitlines() if "done after" not in line]
     assert brief[0].startswith(f"{body}: 5820 dofs, 12 inputs and outputs")
     assert brief[1].startswith("Reduced from 5820 to ")
-    assert brief[2].startswith("Certified from 10 to 500 Hz: relative error of H at most ")
+    assert brief[2].startswith("Certified from 10 to 500 Hz: relative error at most ")
     assert brief[2].endswith("tolerance 0.001 met.")
     claim = float(brief[2].split("at most ")[1].split(",")[0])
     assert claim == pytest.approx(flexgram.ReducedModel.load(rom).certified_error, rel=0.05)
-    assert brief[3].split() == ["wrote", str(rom)]
-    assert brief[4].split()[:3] == ["next", "flexgram", "report"] and len(brief) == 5
+    assert brief[3].startswith("  It is largest for displacement from force; of H as a whole")
+    assert brief[4].split() == ["wrote", str(rom)]
+    assert brief[5].split()[1:] == f"flexgram report {rom} -o {rom.with_suffix('.html')}".split()
+    assert len(brief) == 6
     plan = said("-v")
     assert "  skipped  " in plan and "  time  " in plan and len(said("-vv")) > len(plan)
     assert said("-q") == ""
@@ -161,9 +177,34 @@ def test_help_and_status_of_the_verbs_of_python(verb: str) -> None:
     said = run(verb, "-help").out
     assert said.startswith(f"usage: flexgram {verb}") and said == run(verb, "--help").out
     wrong = run(verb, "--no-such-option", expect=1)
-    assert f"usage: flexgram {verb}" in wrong.err
+    assert f"(flexgram {verb} --help)" in message(wrong)
     bare = run("reduce", expect=1)
     assert "no body file is named" in message(bare) and "warning" not in bare.out + bare.err
+
+
+def test_options_files_take_the_names_of_petsc(tmp_path: Path) -> None:
+    options = tmp_path / "job.options"
+    for text, expected in (
+        ("--tol 1e-4\n", "unknown option --tol: did you mean --tol (-mor_tol in an options file"),
+        ("-tol 1e-4\n", "unknown option -tol: did you mean --tol (-mor_tol in an options file"),
+        ("band = 10,300\n", "line 1: band: each line begins with an option"),
+    ):
+        options.write_text(text)
+        assert expected in message(run("reduce", "a.h5", "-options_file", options, expect=1))
+    environment = ENVIRONMENT | {"PETSC_OPTIONS": "--tol 1e-4"}
+    said = call(str(PROGRAM), "reduce", "a.h5", env=environment)
+    assert said.returncode == 1 and "(-mor_tol in an options file or PETSC_OPTIONS)" in said.stderr
+
+
+def test_verbs_of_python_name_what_is_near() -> None:
+    wrong = run("import", "rack.yaml", "-o", "a.h5", "--alhpa", "4", expect=1)
+    assert message(wrong) == (
+        "flexgram: unknown option --alhpa: did you mean --alpha? (flexgram import --help)"
+    )
+    assert "the following arguments are required" in message(run("import", "rack.yaml", expect=1))
+    assert "name a verb first: flexgram reduce" in message(run(ROOT / "README.md", expect=1))
+    assert "unknown verb reduc: did you mean reduce?" in message(run("reduc", expect=1))
+    assert "unknown verb reduc: did you mean reduce?" in message(run("help", "reduc", expect=1))
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not there")
@@ -176,6 +217,9 @@ def test_help_and_status_of_the_verbs_of_python(verb: str) -> None:
         (["export", "rom.h5", "--to", "s"], ["sid", "simscape", "state-space"]),
         (["cut", "--sweep"], []),
         (["report", "--bo"], ["--body"]),
+        (["completion", ""], ["bash", "zsh"]),
+        (["help", "cer"], ["certify"]),
+        (["reduce", "--statics", "wo"], ["words"]),
     ],
 )
 def test_completion_of_bash(tmp_path: Path, typed: list[str], expected: list[str]) -> None:

@@ -378,7 +378,7 @@ COMMANDS: dict[
         run_simulate,
     ),
     "completion": (
-        "words that a shell may complete, for bash or zsh",
+        "script that makes bash or zsh complete flexgram",
         "source <(flexgram completion bash)",
         _completion_options,
         _completion,

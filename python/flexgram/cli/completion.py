@@ -14,6 +14,10 @@ SCRIPT = """\
   local word=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD - 1]}}
   local verb=${{COMP_WORDS[1]}} words=
   if [ "$COMP_CWORD" -eq 1 ]; then
+    COMPREPLY=($(compgen -W "{verbs} help" -- "$word"))
+    return
+  fi
+  if [ "$verb" = help ]; then
     COMPREPLY=($(compgen -W "{verbs}" -- "$word"))
     return
   fi
@@ -22,14 +26,14 @@ SCRIPT = """\
   esac
   if [ -n "$words" ]; then
     COMPREPLY=($(compgen -W "$words" -- "$word"))
-    return
+    [ ${{#COMPREPLY[@]}} -eq 0 ] || return
   fi
   case "$verb" in
 {options}
   esac
   case "$word" in
     -*) COMPREPLY=($(compgen -W "$words" -- "$word")) ;;
-    *) COMPREPLY=($(compgen -f -- "$word")) ;;
+    *) mapfile -t COMPREPLY < <(compgen -f -- "$word") ;;
   esac
 }}
 complete -o filenames -F _flexgram flexgram
@@ -64,8 +68,9 @@ def words_of_program() -> dict[str, Words]:
             if option["type"] == "numbered":
                 continue
             words.options.append(name)
-            if option["choices"]:
-                words.choices[name] = option["choices"].split("|")
+            choices = option["choices"].split("|")
+            if option["choices"] and not {"yes", "true"} & set(choices):  # flags stand alone
+                words.choices[name] = choices
     return all_words
 
 
@@ -74,6 +79,8 @@ def words_of_parser(parser: argparse.ArgumentParser) -> Words:
     words = Words()
     for action in parser._actions:
         words.options += action.option_strings
+        if action.choices and not action.option_strings:
+            words.choices[""] = [str(choice) for choice in action.choices]
         if action.choices:
             for name in action.option_strings:
                 words.choices[name] = [str(choice) for choice in action.choices]
@@ -99,7 +106,7 @@ def script(shell: str, parsers: Mapping[str, argparse.ArgumentParser]) -> str:
         head=HEADS[shell],
         verbs=" ".join(all_words),
         choices="\n".join(
-            case(f'"{verb} {option}"', choices)
+            case(f'"{verb} {option or verb}"', choices)
             for verb, words in all_words.items()
             for option, choices in words.choices.items()
         ),

@@ -51,6 +51,8 @@ def _describe(path: Path) -> list[str]:
                 )
             return lines
         if "gramian" not in file:
+            if "levels" in file.attrs:
+                raise BodyError(f"{path}: a medium model; flexgram cut takes it")
             raise BodyError(f"{path}: neither a body, a reduced nor a sweep file of flexgram")
     model = ReducedModel.load(path, basis=False)
     claim = model.claim

@@ -298,8 +298,9 @@ def option_values(
         values[f"-{name}"] = _word(value)
     for key, value in keywords.items():
         if key not in known.__annotations__:
-            near = difflib.get_close_matches(key, known.__annotations__, 1)
-            hint = f": did you mean {near[0]}?" if near else " (flexgram reduce -help lists them)"
+            taken = ["band_hz", "tol", "order", "method", *known.__annotations__]
+            near = difflib.get_close_matches(key, taken, 1)
+            hint = f": did you mean {near[0]}?" if near else " (help(flexgram.reduce))"
             raise TypeError(f"there is no option {key}{hint}")
         if value is not None:
             values[NAMES[key]] = _word(value)

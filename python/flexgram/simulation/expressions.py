@@ -126,7 +126,10 @@ def function_of_time(text: str, t: Any) -> Any:
         with np.errstate(all="ignore"):
             values = value(ast.parse(text.strip(), mode="eval").body)
             result = np.broadcast_to(np.asarray(values, dtype=float), np.shape(t))
-    except (SyntaxError, ValueError, TypeError, RecursionError, OverflowError) as error:
+    except SyntaxError as error:
+        words = f"{text!r} is no expression in t ({error.msg})" if text else "expected PORT=f(t)"
+        raise BodyError(words) from None
+    except (ValueError, TypeError, RecursionError, OverflowError) as error:
         raise BodyError(f"{text}: {error}") from None
     if not np.all(np.isfinite(result)):
         at = t[int(np.argmin(np.isfinite(result)))]

@@ -159,14 +159,14 @@ class HistoryAssessment:
         said = []
         if self.above > 1 - ENOUGH:
             said.append(
-                f"{100 * self.above:.2g} % of the load at {self.worst_port} lies above the "
+                f"{100 * self.above:.3g} % of the load at {self.worst_port} lies above the "
                 f"band, where nothing is claimed: {100 * ENOUGH:g} % of every load lies "
                 f"below {self.needed:.4g} Hz, let the band reach there"
             )
         if self.below > 1 - ENOUGH:
             said.append(
-                f"{100 * self.below:.2g} % lies below the band, constant or slow: let the "
-                "band begin lower (at 0 for a body that is held)"
+                f"{100 * self.below:.3g} % of the loads lies below the band, constant or slow: "
+                "let the band begin lower (at 0 for a body that is held)"
             )
         return said
 
