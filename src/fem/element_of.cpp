@@ -166,24 +166,26 @@ namespace {
 double free_along(const FreeStrain* free, const Material& material,
                   const std::vector<Vector3>& x) {
   if (!free) return 0;
-  if (free->uniform != std::array<double, 6>{})
-    throw Error("a pretension acts on it, and that is of solids");
-  if (free->temperature.empty()) return 0;
-  if (!material.solid.expansion)
-    throw Error("its material, which a temperature warms, has no expansion");
-  const std::array<double, 6>& e = *material.solid.expansion;
+  std::array<double, 6> strain = free->uniform;
+  if (!free->temperature.empty()) {
+    if (!material.solid.expansion)
+      throw Error("its material, which a temperature warms, has no expansion");
+    for (std::size_t r = 0; r < 6; ++r)
+      strain[r] += 0.5 * (free->temperature[0] + free->temperature[1]) *
+                   (*material.solid.expansion)[r];
+  }
   Vector3 t{};
   double square = 0;
   for (std::size_t c = 0; c < 3; ++c) {
     t[c] = x[1][c] - x[0][c];
     square += t[c] * t[c];
   }
-  double along = 0; // of one kelvin; engineering shears
+  double along = 0; // engineering shears
   for (std::size_t c = 0; c < 3; ++c) {
     const std::size_t next = (c + 1) % 3;
-    along += e[c] * t[c] * t[c] + e[3 + c] * t[c] * t[next];
+    along += strain[c] * t[c] * t[c] + strain[3 + c] * t[c] * t[next];
   }
-  return 0.5 * (free->temperature[0] + free->temperature[1]) * along / square;
+  return along / square;
 }
 
 } // namespace

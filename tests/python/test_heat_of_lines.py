@@ -1,13 +1,16 @@
-"""Beams and rods that are warmed: displacements, forces and frequencies against closed forms."""
+"""Beams and rods that are warmed or tightened: displacements, forces and frequencies against closed
+forms."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import h5py
 import meshio
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from test_preload import lowest
 
 import flexgram
@@ -170,3 +173,89 @@ def test_what_is_refused(tmp_path: Path) -> None:
     iron = {"steel": {"E": E, "nu": NU, "rho": RHO}}
     with pytest.raises(BodyError, match="no expansion"):
         body(tmp_path, line(3, 0.2), supports=held(1), loads=loads, materials=iron)
+
+
+def tightened(folder: Path, force: float, along: Any = (1.0, 0.0, 0.0), ranks: int = 1) -> Any:
+    """ω² of a beam without shear on two walls, whose middle is a turnbuckle."""
+    inertia = {"I_y": INERTIA, "I_z": INERTIA, "J": 2 * INERTIA, "k_y": 1e4, "k_z": 1e4}
+    stiff = {"shape": "general", "A": AREA, "y_axis": [0, 0, 1]} | inertia
+    a = body(
+        folder,
+        line(24, 0.5, along),
+        section=stiff,
+        ranks=ranks,
+        supports=held(1, 25, components="x y z rx ry rz"),
+        loads={"bolt": {"type": "pretension", "nodes": list(range(10, 17)), "axis": list(along)}},
+        preload={"bolt.force": force},
+        interfaces={"middle": {"coupling": "node", "nodes": [13]}},
+    )
+    return lowest(a["K"].toarray(), a["M"].toarray(), 2)[0][0]
+
+
+def clamped(force: float) -> float:
+    """ω² of a clamped beam under tension: the roots of 2ab(1 − cosh a cos b) + (a² − b²) sinh a
+    sin b with a² − b² = NL²/EI and ab = ωL²√(ρA/EI)."""
+    length, stiffness = 0.5, E * INERTIA
+
+    def residual(omega: float) -> float:
+        s, p = force * length**2 / stiffness, omega * length**2 * np.sqrt(RHO * AREA / stiffness)
+        a, b = (np.sqrt(np.hypot(s / 2, p) + sign * s / 2) for sign in (1, -1))
+        return float(
+            2 * a * b * (1 - np.cosh(a) * np.cos(b)) + (a**2 - b**2) * np.sinh(a) * np.sin(b)
+        )
+
+    first = 4.73**2 / length**2 * np.sqrt(stiffness / (RHO * AREA))
+    tried = first * np.linspace(0.3, 3, 60)
+    change = int(np.flatnonzero(np.diff(np.sign([residual(omega) for omega in tried])))[0])
+    return float(brentq(residual, tried[change], tried[change + 1])) ** 2
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_turnbuckle_pulls_with_its_force(ranks: int, tmp_path: Path) -> None:
+    """The whole beam has the tension of its middle, along any axis; a bolt that pushes softens."""
+    buckles = 4 * np.pi**2 * E * INERTIA / 0.5**2
+    for force in (-0.6 * buckles, 0.5 * buckles, 3 * buckles):
+        found = tightened(tmp_path, force, ranks=ranks)
+        assert found == pytest.approx(clamped(force), rel=2e-3)
+        assert tightened(tmp_path, force, ALONG, ranks) == pytest.approx(found, rel=1e-6)
+    with pytest.raises(AssertionError, match="does not bear it"):
+        tightened(tmp_path, -1.05 * buckles)
+
+
+def test_what_a_bolt_of_beams_counts(tmp_path: Path) -> None:
+    """Its length, and E A L of the part along the axis, beside solids between its ends."""
+    solid = box("hexahedron20", (4, 1, 1), (0.2, 0.02, 0.02), distort=False)
+    n = len(solid.points)
+    points = np.vstack([solid.points, [[x, 0.05, 0.0] for x in (0.0, 0.1, 0.2)]])
+    bolt = np.array([[n, n + 1], [n + 1, n + 2]])
+    mesh = meshio.Mesh(
+        points,
+        [solid.cells[0], ("line", bolt)],
+        cell_sets={
+            "bar": [np.arange(len(solid.cells[0].data)), np.array([], int)],
+            "bolt": [np.array([], int), np.arange(2)],
+        },
+    )
+    ends = [{"box": [[x - 1e-6, -1, -1], [x + 1e-6, 1, 1]]} for x in (0.0, 0.2)]
+    given = {
+        "materials": STEEL,
+        "sections": {"bar": SECTION},
+        "regions": {"bar": {"material": "steel"}, "bolt": {"material": "steel", "section": "bar"}},
+        "interfaces": {
+            name: {"coupling": "rigid", "nodes": nodes}
+            for name, nodes in zip(("left", "right"), ends, strict=True)
+        },
+        "supports": {"foot": {"nodes": [n + 2], "components": ["y", "z"]}},
+        "loads": {
+            "bolt": {"type": "pretension", "nodes": [n + 1, n + 2, n + 3], "axis": [1, 0, 0]}
+        },
+        "preload": {"bolt.force": 100.0},
+    }
+    import_description(given, "clamp", tmp_path / "body.h5", mesh=mesh)
+    with h5py.File(tmp_path / "body.h5") as file:
+        bolt_of_file = dict(file["loads/bolt/pretension"].attrs)
+    assert bolt_of_file["held"] == pytest.approx(E * AREA * 0.2)
+    assert bolt_of_file["length"] == pytest.approx(0.2)
+    loose = {"bolt": given["loads"]["bolt"] | {"axis": [0, 1, 0]}}
+    with pytest.raises(BodyError, match="no length along the axis"):
+        import_description(given | {"loads": loose}, "clamp", tmp_path / "b.h5", mesh=mesh)

@@ -7,7 +7,7 @@ body's mass, or as forces at nodes for a unit of its input, integrated here over
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
+from flexgram.basics import BodyError, Bools, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import loose_shells, opposed, whole_faces
 from flexgram.body.meshfile import ALONE, LINES, SOLIDS, TURNING
@@ -102,28 +102,79 @@ def _table(mesh: BodyMesh, entry: Reader, *counts: int, mean: bool = False) -> t
     return nodes, values
 
 
+@dataclass(frozen=True)
+class _Lines:
+    """Beams and rods of a body file, of one material and section.
+
+    Attributes
+    ----------
+    nodes, along, length : (e, 2), (e, 3), (e,) array
+        Of each, its direction and [m].
+    stiffness, area : float
+        E A [N], [m²].
+    material : mapping
+    """
+
+    nodes: Ints
+    along: Floats
+    length: Floats
+    stiffness: float
+    area: float
+    material: Any
+
+    @classmethod
+    def of(cls, file: h5py.File) -> Iterator[_Lines]:
+        points = file["mesh/points"][:]
+        for block in file["mesh/blocks"].values():
+            if str(block.attrs["type"]) not in LINES:
+                continue
+            nodes = block["connectivity"][:]
+            along = points[nodes[:, 1]] - points[nodes[:, 0]]
+            length = np.linalg.norm(along, axis=1)
+            material = file["materials"][str(block.attrs["material"])].attrs
+            area = float(file["sections"][str(block.attrs["section"])].attrs["A"])
+            stiffness = float(material["E"]) * area
+            yield cls(nodes, along / length[:, None], length, stiffness, area, material)
+
+    def add_forces(self, strain: Floats, forces: Floats) -> None:
+        """What strains (e,) along them push at their ends, if these are held, to forces (N, 3)."""
+        force = self.stiffness * strain[:, None] * self.along
+        np.add.at(forces, self.nodes[:, 1], force)
+        np.add.at(forces, self.nodes[:, 0], -force)
+
+
 def _heat_of_lines(file: h5py.File, temperature: Floats) -> Floats:
     """Forces (N, 3) [N] of beams and rods in a field of temperature (N,): E A α T along each,
     T the mean of its ends."""
-    points = file["mesh/points"][:]
-    forces: Floats = np.zeros_like(points)
-    for block in file["mesh/blocks"].values():
-        nodes = block["connectivity"][:]
-        if str(block.attrs["type"]) not in LINES or not temperature[nodes].any():
+    forces: Floats = np.zeros((len(temperature), 3))
+    for lines in _Lines.of(file):
+        if not temperature[lines.nodes].any():
             continue
-        material = file["materials"][str(block.attrs["material"])].attrs
-        strain = expansion_of(material, np.reshape(material.get("axes", np.eye(3)), (3, 3)))
+        axes = np.reshape(lines.material.get("axes", np.eye(3)), (3, 3))
+        strain = expansion_of(lines.material, axes)
         if strain is None:
             raise BodyError("temperature: a material that it warms has no expansion [1/K]")
-        along = points[nodes[:, 1]] - points[nodes[:, 0]]
-        along /= np.linalg.norm(along, axis=1)[:, None]
-        x, y, z = along.T
+        x, y, z = lines.along.T
         stretch = np.column_stack([x * x, y * y, z * z, x * y, y * z, z * x]) @ strain
-        stiffness = material["E"] * file["sections"][str(block.attrs["section"])].attrs["A"]
-        force = (stiffness * stretch * temperature[nodes].mean(axis=1))[:, None] * along
-        np.add.at(forces, nodes[:, 1], force)
-        np.add.at(forces, nodes[:, 0], -force)
+        lines.add_forces(stretch * temperature[lines.nodes].mean(axis=1), forces)
     return forces
+
+
+def _shortened_lines(
+    file: h5py.File, chosen: Bools, axis: Floats
+) -> tuple[Floats, float, float, list[Ints]]:
+    """As ``Stresses.shortened``, of beams and rods: by the part of the strain along them."""
+    forces: Floats = np.zeros((len(chosen), 3))
+    held = volume = 0.0
+    shanks = []
+    for lines in _Lines.of(file):
+        own = chosen[lines.nodes].all(axis=1)
+        share = np.where(own, (lines.along @ axis) ** 2, 0.0)
+        lines.add_forces(-share, forces)
+        held += lines.stiffness * float(share**2 @ lines.length)
+        volume += lines.area * float(lines.length[own].sum())
+        shanks.append(lines.nodes[own])
+    return forces, held, volume, shanks
 
 
 def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
@@ -165,14 +216,19 @@ def _write_pretension(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
         chosen[middles.nodes] = chosen[middles.around].all(axis=1)
     axis = unit_axis(entry)
     for kind, elements in mesh.blocks:
-        if kind not in (*SOLIDS, ALONE) and chosen[elements].all(axis=1).any():
-            raise BodyError(f"{entry.where}: a pretension is of solids, not of shells and beams")
+        if kind not in (*SOLIDS, *LINES, ROD, ALONE) and chosen[elements].all(axis=1).any():
+            raise BodyError(f"{entry.where}: a pretension is of solids, beams and rods")
     with errors_of(entry.where):
-        forces, held, volume, elements_of = Stresses.of(mesh.file).shortened(chosen, axis)
+        forces, held, volume, elements_of = _shortened_lines(mesh.file, chosen, axis)
+        if any(kind in SOLIDS for kind, _ in mesh.blocks):
+            of_solids = Stresses.of(mesh.file).shortened(chosen, axis)
+            forces = forces + of_solids[0]
+            held, volume = held + of_solids[1], volume + of_solids[2]
+            elements_of += of_solids[3]
     shank = np.unique(np.concatenate([*elements_of, np.empty((0, 1), np.int64)], axis=None))
     if not len(shank):
         raise BodyError(
-            f"{entry.where}: no solid that deforms has all its nodes among the "
+            f"{entry.where}: no element that deforms has all its nodes among the "
             f"{np.count_nonzero(chosen)} chosen: choose those of the whole shank, not of a face"
         )
     blocks = [Block("", nodes, nodes[:, 0]) for nodes in elements_of if len(nodes)]
@@ -189,6 +245,8 @@ def _write_pretension(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
         if any(theirs[elements].all(axis=1).any() for elements in elements_of):
             raise BodyError(f"{entry.where}: it shares elements of its shank with {name}")
     length = float(np.ptp(mesh.length * mesh.points[shank] @ axis))
+    if not length > 0 or not held > 0:
+        raise BodyError(f"{entry.where}: its shank has no length along the axis")
     used = np.flatnonzero(np.any(forces != 0, axis=1))
     write_vectors(group, ["force"], used, forces[used][:, None, :])
     group["pretension/nodes"] = np.flatnonzero(chosen)
