@@ -34,27 +34,30 @@ namespace {
 /// What the rows of K show of its rounding when it moves a vector rigidly.
 struct RowRounding {
   double relative = 0; ///< median of |Kφ|_i / √Σ_j(K_ij φ_j)²; 0: nothing is shown
-  bool of_random_sign = true; ///< |φᵀKφ| is no more than a random sum of its terms
+  /// |φᵀKφ| is no more than a random sum of its terms, and these are not mostly of one sign.
+  bool of_random_sign = true;
 };
 
 /// The median is of bins of a quarter of a decade: it must not depend on the ranks.
 std::vector<RowRounding> rounding_of_rows(const Block& x, const AccurateProduct& image) {
   constexpr int bins = 81, fewest_rows = 100;
-  constexpr double coarsest = 1e-4, random = 8;
+  constexpr double coarsest = 1e-4, random = 8, one_sign = 0.5;
   const Block::Access vector(x), force(image.product), size(image.row_spread);
   std::vector<RowRounding> result;
   for (PetscInt j = 0; j < x.columns(); ++j) {
-    std::vector<double> sums(bins + 2, 0.0); // rows by bin; φᵀKφ; squares of its terms
+    // Rows by bin; φᵀKφ; squares of its terms; their sizes.
+    std::vector<double> sums(bins + 3, 0.0);
     for (PetscInt i = 0; i < x.local_rows().size(); ++i) {
       const double f = force.column(j)[i], s = size.column(j)[i],
                    work = vector.column(j)[i] * f;
       sums[bins] += work;
       sums[bins + 1] += work * work;
+      sums[bins + 2] += std::abs(work);
       if (!(s > 0)) continue;
       const double decades = std::log10(std::max(std::abs(f) / s, 1e-20)) + 20;
       ++sums[std::min<std::size_t>(bins - 1, static_cast<std::size_t>(4 * decades))];
     }
-    MPI_Allreduce(MPI_IN_PLACE, sums.data(), bins + 2, MPI_DOUBLE, MPI_SUM, x.comm());
+    MPI_Allreduce(MPI_IN_PLACE, sums.data(), bins + 3, MPI_DOUBLE, MPI_SUM, x.comm());
     double rows = 0, passed = 0;
     for (std::size_t bin = 0; bin < bins; ++bin) rows += sums[bin];
     std::size_t median = 0;
@@ -62,7 +65,9 @@ std::vector<RowRounding> rounding_of_rows(const Block& x, const AccurateProduct&
     const double relative =
         median == 0 ? 0.0 : std::pow(10.0, (static_cast<double>(median) + 0.5) / 4 - 20);
     RowRounding rounding;
-    rounding.of_random_sign = std::abs(sums[bins]) <= random * std::sqrt(sums[bins + 1]);
+    rounding.of_random_sign =
+        std::abs(sums[bins]) <= random * std::sqrt(sums[bins + 1]) &&
+        std::abs(sums[bins]) <= one_sign * sums[bins + 2];
     if (rows >= fewest_rows && relative < coarsest) rounding.relative = relative;
     result.push_back(rounding);
   }
@@ -109,7 +114,10 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   for (int j = 0; j < count; ++j) {
     const auto at = as_size(j);
     const double lambda = turned(j, j);
-    const double shown = of_rows[at].of_random_sign ? 24 * of_rows[at].relative : 0.0,
+    // Eigenvectors take rounding in; those of slow elastic motions leave as little in each row.
+    const double shown = computed || !of_rows[at].of_random_sign
+                             ? 0.0
+                             : 24 * of_rows[at].relative,
                  noise = std::max({std::max(relative, shown) * image.spread[at],
                                    4 * epsilon * sizes[at], 3 * negative,
                                    computed ? 16 * epsilon * sizes[at] : 0.0}),

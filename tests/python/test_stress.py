@@ -240,6 +240,22 @@ def test_soft_mounts_are_no_rigid_modes(beam: dict[str, Any], tmp_path: Path) ->
 
 
 @pytest.mark.kernels
+def test_a_slow_mode_is_not_rigid(tmp_path: Path) -> None:
+    """The first mode of a slender cantilever, far below the cutoff, leaves a hundred-millionth of
+    each row of K: no rounding."""
+    mesh = box("hexahedron20", (6, 1, 1), (0.4, 0.01, 0.03), distort=False)
+    end = {"tip": {"set": "end", "coupling": "rigid"}}
+    held = {"start": [0, 1, 2]}
+    write_body_file(tmp_path / "mesh.h5", mesh, interfaces=end, supports=held)
+    a = assembled(tmp_path / "m.h5", tmp_path / "mesh.h5")
+    slow = modes(a["K"], a["M"])[0]
+    assert slow * 316 < 25e3 * TWO_PI and len(a["B"]) >= 100
+    matrices = (a["K"], a["M"], a["B"])
+    result = check(tmp_path, matrices, (10.0, 500.0), 1e-4, "-mor_cutoff", 50, alpha=5.0)
+    assert result["rom"]["modes"][0] == pytest.approx(slow, rel=1e-6)
+
+
+@pytest.mark.kernels
 def test_constraint_modes_on_very_soft_mounts(beam: dict[str, Any], tmp_path: Path) -> None:
     """All statics are the same suspension mode to ten digits: constraint modes are not."""
     K = beam["K"] + sp.diags(np.where(beam["B"].any(axis=1), 0.05, 0.0))
