@@ -14,6 +14,7 @@ from typing import NoReturn
 
 from flexgram.basics import BodyError, be_quiet, expect_kept
 from flexgram.cli.commands import COMMANDS
+from flexgram.cli.import_command import SHORT_HELP
 
 #: Verbs of the compiled program.
 PROGRAM_VERBS = ("reduce", "certify", "cut", "sweep", "plan", "assemble")
@@ -101,6 +102,9 @@ def main(arguments: list[str] | None = None) -> int:
         describe(command)
         work[name], parsers[name] = run, command
     helps = ("-help", "--help-all")
+    if words[:1] == ["import"] and {"-h", "--help"} & set(words):
+        print(SHORT_HELP, end="")
+        return 0
     taken = ["--help" if word in helps else word for word in words if word not in LEVELS]
     options, others = parser.parse_known_args(taken)
     if others:

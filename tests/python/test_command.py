@@ -175,11 +175,24 @@ def test_one_version() -> None:
 def test_help_and_status_of_the_verbs_of_python(verb: str) -> None:
     """As those of the program: -help, and 1 for a wrong command line (2 is a missed tolerance)."""
     said = run(verb, "-help").out
-    assert said.startswith(f"usage: flexgram {verb}") and said == run(verb, "--help").out
+    assert said.startswith(f"usage: flexgram {verb}") and said == run(verb, "--help-all").out
+    short = run(verb, "--help").out
+    assert short.startswith(f"usage: flexgram {verb}") and len(short.splitlines()) <= 60
+    assert verb == "import" or short == said
     wrong = run(verb, "--no-such-option", expect=1)
     assert f"(flexgram {verb} --help)" in message(wrong)
     bare = run("reduce", expect=1)
     assert "no body file is named" in message(bare) and "warning" not in bare.out + bare.err
+
+
+def test_short_help_of_import_names_options_that_there_are() -> None:
+    short, whole = run("import", "--help").out, run("import", "--help-all").out
+    options = set(re.findall(r"(--[a-z-]+)", short)) - {"--help-all"}
+    assert len(options) > 10 and max(map(len, short.splitlines())) <= 100
+    assert all(
+        f"  {option} " in whole or f"[{option} " in whole or f"[{option}]" in whole
+        for option in options
+    )
 
 
 def test_options_files_take_the_names_of_petsc(tmp_path: Path) -> None:

@@ -58,6 +58,35 @@ class _Named(argparse.Action):
         namespace.interfaces = [*found, (str(option).lstrip("-"), value)]
 
 
+#: The options that most people use.
+SHORT_HELP = """\
+usage: flexgram import SOURCE [options] -o BODY
+
+a body file, of the description of a mesh or of files of an FE code
+
+  flexgram import meshes/rack.yaml -o out/rack.h5
+  flexgram import part.inp --run-ccx --units mm-t-s --rigid left=NSET:LEFT -o part.h5
+  flexgram import lever.msh --material steel --units mm-t-s --rigid eye=NSET:eye -o lever.h5
+
+  SOURCE                     YAML description, mesh (with --material), or file of an FE code
+  -o BODY                    body file to write
+  --rigid NAME=WHERE         interface: all nodes follow a reference with six dofs (RBE2)
+  --node NAME=WHERE          interface: the dofs of the nodes themselves
+  --support NAME=WHERE       nodes of a mesh that the ground holds
+  --material NAME            of a mesh: steel, aluminium, titanium, cast-iron, or
+                             E=210e9,nu=0.3,rho=7850
+  --units UNITS              of the files: SI [default], mm-t-s, mm-kg-s
+  --alpha A, --beta B        damping αM + βK [1/s, s]
+  --zeta RATIO,HZ,HZ         the same by a damping ratio at two frequencies: 1%,50,2000
+  --eta ETA                  loss factor
+  --run-ccx                  run CalculiX on the deck first
+  --assemble                 assemble a deck of CalculiX or Abaqus, or Nastran's bulk data, here
+  --help-all                 all options: loads, outputs, preload, spin, matrices, steps, ...
+
+WHERE is NSET:SET, NODES:1,2,3, BOX:x0,y0,z0,x1,y1,z1 or AT:x,y,z, in the units of the files.
+"""
+
+
 def import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source",
@@ -162,7 +191,7 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         "--spin",
         metavar="X,Y,Z,AX,AY,AZ:FROM,TO[:rest]",
         help="the body turns about an axis (point, direction), at a speed between two [rpm]; seen "
-        "in the frame that turns, or (shafts of beams) in the one at rest; likewise",
+        "in the frame that turns, or (solids of revolution, shafts of beams) at rest; likewise",
     )
     parser.add_argument(
         "--material",
