@@ -312,7 +312,7 @@ bool holds_mesh(const Hdf5File& file) {
   if (file.exists("/gramian"))
     fail(file, "this is a reduced file, not a body; flexgram sweep BODY ROM compares it "
                "with its body");
-  if (file.has_attribute("/", "levels"))
+  if (file.exists("/projected") && file.exists("/spec"))
     fail(file, "this is a medium model, not a body; flexgram cut takes it");
   if (!mesh && file.exists("/H") && file.exists("/omega"))
     fail(file, "this is a sweep file, not a body; flexgram plot takes it");

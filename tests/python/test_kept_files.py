@@ -132,7 +132,7 @@ def test_inputs_of_the_program_are_kept(held: Path, tmp_path: Path) -> None:
 def test_a_second_run_with_the_same_output_is_told(rack: Path, tmp_path: Path) -> None:
     """The other run's file comes while this one minimises, which takes it seconds."""
     out = tmp_path / "o.h5"
-    options = ("-mor_band_hz", "10,500", "-mor_order", "30", "-mor_second_stage", "optimal")
+    options = ("-v", "--band", "10,500", "--order", "30", "--second-stage", "optimal")
     process = subprocess.Popen(
         [PROGRAM, "reduce", "-body", rack, *options, "-mor_out", out],
         stdout=subprocess.PIPE,

@@ -12,7 +12,7 @@ bad = K.copy().tolil()
 bad[0, 1] = 0.5
 cases = [
     (lambda: flexgram.reduce("nowhere.h5"), "cannot read nowhere.h5"),
-    (lambda: flexgram.reduce("x.h5", options={"mor_toll": 1}), "did you mean -mor_tol"),
+    (lambda: flexgram.reduce("x.h5", options={"mor_toll": 1}), "did you mean tol"),
     (lambda: flexgram.reduce(flexgram.Matrices(bad.tocsr(), K, B)), "triangle"),
     (lambda: flexgram.reduce(flexgram.Matrices(K, K[:3, :3], B)), "like K"),
     (
@@ -87,7 +87,7 @@ cases = [
     (lambda: flexgram.reduce(flexgram.Matrices(K, -K, B)), "M"),
     (
         lambda: flexgram.reduce(flexgram.Matrices(K, K, B), (10, 20), method="best"),
-        "-mor_method",
+        "option method best",
     ),
 ]
 for call, expected in cases:
