@@ -23,9 +23,14 @@ sys.path.insert(0, str(ROOT / "meshes"))
 
 
 def flexgram(*arguments: Any, ranks: int = 1) -> str:
-    """What ``flexgram`` prints under mpirun. BLAS threads: the variable BLAS_THREADS, default 1."""
+    """What ``flexgram`` prints under mpirun, with its plan. BLAS threads: the variable
+    BLAS_THREADS, default 1."""
     command = ["mpirun", "-n", str(ranks), str(PROGRAM), *map(str, arguments)]
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": os.environ.get("BLAS_THREADS", "1")}
+    environment = {
+        **os.environ,
+        "OPENBLAS_NUM_THREADS": os.environ.get("BLAS_THREADS", "1"),
+        "PETSC_OPTIONS": "-mor_monitor detail",
+    }
     return subprocess.run(
         command, env=environment, capture_output=True, text=True, check=True
     ).stdout

@@ -64,7 +64,7 @@ def main() -> None:
         facts = {}
         for _ in range(options.runs):
             for kind in KINDS:
-                band = ("-mor_band_hz", "10,500", "-mor_tol", "1e-3")
+                band = ("-mor_band_hz", "10,500", "-mor_tol", "1e-3", "-mor_monitor", "detail")
                 out = ("-mor_out", OUT / "losses.rom.h5")
                 begin = time.perf_counter()
                 command = [PROGRAM, "reduce", "-body", OUT / f"losses.{kind}.h5", *band, *out]

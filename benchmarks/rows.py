@@ -68,6 +68,8 @@ def main() -> None:
                     str(tolerance),
                     "-mor_field_error",
                     field,
+                    "-mor_monitor",
+                    "detail",
                     "-mor_out",
                     OUT / "rows.rom.h5",
                 ]
