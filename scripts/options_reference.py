@@ -77,6 +77,7 @@ CALLS = {"reduce": "flexgram.reduce", "certify": "flexgram.certify", "cut": "Med
 def reference() -> str:
     """The page, as Markdown."""
     lines, section = [PAGE_HEAD], ""
+    short = {option["name"]: option["short name"] for option in _flexgram.options()}
     for option in _flexgram.options():
         if option["section"] != section:
             section = option["section"]
@@ -86,16 +87,11 @@ def reference() -> str:
         default = f"`{option['default']}`" if option["default"] else ""
         unit = f" {option['unit']}" if option["unit"] else ""
         meaning = " ".join(option["help"].split()).replace("|", "\\|")
-        meaning = re.sub(r"-mor_[a-z_]+", lambda name: short_name(name[0]), meaning)
+        meaning = re.sub(r"-mor_[a-z_]+", lambda name: short.get(name[0], name[0]), meaning)
         verbs = ", ".join(option["verbs"].split())
-        names = f"`{short_name(option['name'])}`, `{option['name']}`"
+        names = f"`{option['short name']}`, `{option['name']}`"
         lines.append(f"| {names}{choices} | {default}{unit} | {verbs} | {meaning} |")
     return "\n".join(lines) + "\n"
-
-
-def short_name(option: str) -> str:
-    """Its name on the command line, as ``base/text`` makes it."""
-    return "-" + option.replace("-mor_", "-").removesuffix("_hz").replace("_", "-")
 
 
 def keyword_of(option: str) -> str:

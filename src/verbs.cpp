@@ -70,9 +70,8 @@ std::string line(const std::string& name, const std::string& what) {
 std::string help_of(const Verb& verb, bool all_options) {
   std::string words = "usage: flexgram " + verb.words.name + " " + verb.usage + "\n\n" +
                       verb.what + "\n\n  " + verb.example + "\n\n";
-  if (all_options) {
+  if (all_options)
     return words + status_of(verb) + all_help + registry().help(verb.words.name);
-  }
   for (const CommonOption& common : verb.common) {
     const auto& files = verb.words.inputs;
     std::string name = common.value; // a file alone
@@ -88,7 +87,7 @@ std::string help_of(const Verb& verb, bool all_options) {
   return words +
          "\nRuns under mpirun; takes -options_file, -log_view and every PETSc "
          "option.\n" +
-         status_help;
+         status_of(verb);
 }
 
 /// What to do first, and the verbs.

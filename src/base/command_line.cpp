@@ -69,7 +69,7 @@ private:
   /// @throws Error if it is there already. @param typed  as what.
   void add(const std::string& option, const std::string& typed,
            const std::string& value) {
-    if (!given_.insert(option).second)
+    if (!given_.insert(option).second || of_petsc_.count(option) > 0)
       throw Error(typed + " is given twice" +
                   (option == "-mor_band_hz" ? ": several bands are one list, --band "
                                               "10,100,200,300"
@@ -107,7 +107,7 @@ private:
       const std::string name = short_name(option.name);
       const Words verbs = split(option.verbs, ' ');
       const bool is_own = contains(verbs, verb_.name);
-      if (word == name || word == name + "-hz") {
+      if (word == name || (word == name + "-hz" && option.name.ends_with("_hz"))) {
         if (is_own) return {&option, option.name};
         elsewhere = verbs;
       }
@@ -134,8 +134,9 @@ private:
   }
 
   void petsc_option(const std::string& word) {
-    for (const Option& option : options_)
-      if (option.name == word) given_.insert(word);
+    if (given_.count(word) > 0) throw Error(word + " is given twice");
+    of_petsc_.insert(
+        word); // these may be repeated, as everywhere in PETSc: the last counts
     result_.push_back(word);
     if (at_ < words_.size() && !is_option(words_[at_])) result_.push_back(words_[at_++]);
   }
@@ -173,7 +174,7 @@ private:
   const std::vector<Option>& options_;
   const VerbWords& verb_;
   Words result_;
-  std::set<std::string> given_;
+  std::set<std::string> given_, of_petsc_; ///< in short words; by PETSc's names
   std::size_t at_ = 0, next_file_ = 0;
 };
 

@@ -31,11 +31,11 @@ public:
   ElementAssembler(const BodyDescription& body, const DofMap& map,
                    const MaterialTerms& terms, const Followers& followers,
                    const Hdf5File& file, FieldLoads& fields, Reactions& reactions,
-                   Preload* preload, Preload* spinning, Revolution* revolution,
-                   AssemblyFacts& facts)
+                   Preload* preload, const SpinRange* spin, Preload* spinning,
+                   Revolution* revolution, AssemblyFacts& facts)
       : body_(body), map_(map), terms_(terms), followers_(followers), file_(file),
         fields_(fields), reactions_(reactions), preload_(preload), spinning_(spinning),
-        revolution_(revolution), facts_(facts) {}
+        spin_(spin), revolution_(revolution), facts_(facts) {}
 
   void run(NodeMatrix& matrix) {
     followers_.for_each([&](const PlacedElement& at) {
@@ -106,9 +106,9 @@ private:
       if (!rigid) add_to(stressed.added, stressed.quadratic);
     }
     Convection by_spin; // its Coriolis forces, and by what it softens
-    if (body_.spin) {
-      const AccelerationField& field = body_.spin->field;
-      by_spin = body_.spin->turning
+    if (spin_) {
+      const AccelerationField& field = spin_->field;
+      by_spin = spin_->turning
                     ? Convection{coriolis(body_, at, element, field.axis),
                                  spin_softening(body_, at, element, field.axis)}
                     : convection(body_, at, element, field);
@@ -201,6 +201,7 @@ private:
   FieldLoads& fields_;
   Reactions& reactions_;
   Preload *preload_, *spinning_; ///< null: there is none; of the spin at 1 rad/s
+  const SpinRange* spin_;        ///< whose matrices are wanted; null: none
   Revolution* revolution_;       ///< of solids in the frame at rest, else null
   AssemblyFacts& facts_;
   std::int64_t inverted_ = 0;
@@ -341,14 +342,17 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   const auto elements = [&](FieldLoads& fields, Reactions& reactions) {
     facts = {};
     if (stretches && !all.spin->turning) revolution.emplace(all.spin->field, body.points);
-    const std::size_t of_spin = spinning                                         ? 3
-                                : body.spin || (preload && preload->speed() > 0) ? 1
-                                                                                 : 0;
+    // The static solve comes before what its stress stiffens.
+    const SpinRange* spin = body.spin && (spinning || !stretches) ? &*body.spin : nullptr;
+    const std::size_t of_spin = spinning                                    ? 3
+                                : spin || (preload && preload->speed() > 0) ? 1
+                                                                            : 0;
     NodeMatrix matrix(map, followers->start(), followers->nodes(),
                       terms.laws().size() + of_spin);
     agree(comm, [&] {
       ElementAssembler(body, map, terms, *followers, file, fields, reactions,
-                       preload ? &*preload : nullptr, spinning ? &*spinning : nullptr,
+                       preload ? &*preload : nullptr, spin,
+                       spinning ? &*spinning : nullptr,
                        revolution ? &*revolution : nullptr, facts)
           .run(matrix);
     });

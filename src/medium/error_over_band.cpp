@@ -12,6 +12,18 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
+/// What is measured of the medium model's own error.
+double of_medium(ErrorOverBand::Measure measure, double error, double floor) {
+  switch (measure) {
+  case ErrorOverBand::Measure::claim:
+    return error + floor;
+  case ErrorOverBand::Measure::model_error:
+    return error;
+  default:
+    return floor;
+  }
+}
+
 } // namespace
 
 ErrorOverBand::ErrorOverBand(MediumOverBand& medium, RelativeTo relative_to)
@@ -35,22 +47,6 @@ double ErrorOverBand::ratio(std::size_t view, double difference, double size,
   const double most = difference + bound;
   return known > 0 && most < infinity ? most / known : infinity; // NaN too
 }
-
-namespace {
-
-/// What is measured of the medium model's own error.
-double of_medium(ErrorOverBand::Measure measure, double error, double floor) {
-  switch (measure) {
-  case ErrorOverBand::Measure::claim:
-    return error + floor;
-  case ErrorOverBand::Measure::model_error:
-    return error;
-  default:
-    return floor;
-  }
-}
-
-} // namespace
 
 double ErrorOverBand::measured(Measure measure, std::size_t view, double difference,
                                double size, double error, double floor) {

@@ -254,6 +254,7 @@ std::vector<std::map<std::string, std::string>> options() {
     result.push_back({{"section", o.section},
                       {"verbs", o.verbs},
                       {"name", o.name},
+                      {"short name", short_name(o.name)},
                       {"type", o.type},
                       {"default", o.value},
                       {"unit", o.unit},

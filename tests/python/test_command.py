@@ -47,6 +47,7 @@ def test_short_help_fits_a_screen_and_names_options_that_there_are() -> None:
     for verb in PROGRAM_VERBS:
         text, whole = run(verb, "--help").out, run(verb, "--help-all").out
         assert text == run(verb, "-h").out == run("help", verb).out
+        assert ("2 if the tolerance" in text) == (verb in ("reduce", "certify", "cut"))
         assert len(text.splitlines()) <= 32 and max(map(len, text.splitlines())) <= 90
         shown = re.findall(r"^  (--[a-z-]+)", text, re.MULTILINE)
         assert len(shown) >= 2
@@ -82,6 +83,8 @@ def test_short_words_are_the_same_command(tmp_path: Path) -> None:
         (("--sweep", "1,2,3"), "--sweep is an option of flexgram sweep, not of reduce"),
         (("--wobble", "1"), "unknown option --wobble: flexgram reduce --help-all lists all"),
         (("--tol", "1", "--tol", "2"), "--tol is given twice"),
+        (("--tol", "1", "-mor_tol", "2"), "-mor_tol is given twice"),
+        (("-mor_tol", "1", "--tol", "2"), "--tol is given twice"),
         (("--band", "1,2", "--band", "3,4"), "given twice: several bands are one list"),
         (("–tol", "1e-3"), "–tol begins with a dash of a text processor"),
         (("tol=1e-3",), "stray word tol=1e-3: did you mean --tol 1e-3?"),

@@ -49,11 +49,6 @@ class Words:
     choices: dict[str, list[str]] = field(default_factory=dict)  # of an option
 
 
-def short_name(option: str) -> str:
-    """The name of an option of the program on the command line: ``--band`` of ``-mor_band_hz``."""
-    return "-" + option.replace("-mor_", "-").removesuffix("_hz").replace("_", "-")
-
-
 def words_of_program() -> dict[str, Words]:
     """Of each verb of the program, from its registry of options."""
     import _flexgram
@@ -64,7 +59,7 @@ def words_of_program() -> dict[str, Words]:
             words = all_words.setdefault(
                 verb, Words(["-o", "-v", "-vv", "-q", "--help", "--help-all"])
             )
-            name = short_name(option["name"])
+            name = option["short name"]
             if option["type"] == "numbered":
                 continue
             words.options.append(name)

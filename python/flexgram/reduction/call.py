@@ -281,7 +281,7 @@ def option_values(
         tol = None if tol is None else float(tol)
     except (TypeError, ValueError):
         raise BodyError(f"tol must be a number, not {tol!r}") from None
-    values = {"-mor_method": method, "-mor_monitor": "summary" if verbose else "silent"}
+    values = {"-mor_method": method, "-mor_monitor": "plan" if verbose else "silent"}
     if ends is not None:
         values["-mor_band_hz"] = ",".join(repr(float(f)) for f in ends)
     if tol is not None:
