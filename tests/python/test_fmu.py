@@ -69,26 +69,49 @@ class Unit:
         self.fmu.doStep(currentCommunicationPoint=time, communicationStepSize=h)
 
 
+def parameters_of(kind: str) -> tuple[str, tuple[float, ...], dict[str, Any]]:
+    """A parameter's name, values of it, and the terms of a body of six coordinates."""
+    T = sp.diags([1.0, 1.0, 0, 0, 0, 0]).tocsr()
+    G = sp.csr_matrix(([1.0, -1.0], ([1, 2], [2, 1])), shape=(6, 6))
+    law = flexgram.parameter(1.0, 5.0, 2.0, slope=0.5)
+    if kind == "stiffness":
+        return "k", (2.0, 1.0, 4.5), {"k": (T, law)}
+    if kind == "relaxation":
+        relaxing = flexgram.product(law, flexgram.prony([0.6, 0.2], [1.5, 20.0]))
+        other = (sp.identity(6).tocsr(), flexgram.prony([0.01], [3.0]))
+        return "k", (2.0, 1.0, 4.5), {"k": (T, law), "k:relaxation": (T, relaxing), "skin": other}
+    if kind == "damper":
+        law = flexgram.parameter(0.0, 2.0, 0.0)
+        return "d", (0.0, 0.5, 2.0), {"d": (T, flexgram.product(law, flexgram.viscous()))}
+    speeds = (0.1, 0.4, 0.2)
+    terms = {
+        "coriolis": (G, flexgram.coriolis(*speeds)),
+        "spin": (-0.2 * T, flexgram.spin(*speeds)),
+    }
+    return "speed", (0.2, 0.1, 0.35), {**terms, "second": (T, flexgram.spin(*speeds, power=4))}
+
+
 @pytest.mark.parametrize("version", FORMATS)
-def test_parameters_of_the_body(version: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["stiffness", "relaxation", "damper", "speed"])
+def test_parameters_of_the_body(kind: str, version: str, tmp_path: Path) -> None:
     """They are the unit's: with values of them it answers as the body with these does, and values
-    outside are refused; a state that is taken back brings its own."""
+    outside are refused."""
     n = 6
     K = sp.diags([np.full(n, 2.0), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1]).tocsr()
-    T = sp.diags([1.0, 1.0, 0, 0, 0, 0]).tocsr()
-    law = flexgram.parameter(1.0, 5.0, 2.0, slope=0.5)
+    name, values, terms = parameters_of(kind)
     given = Matrices(K, sp.identity(n).tocsr(), np.eye(n)[:, [0, 5]], inputs=["a.fx", "b.fx"],
-                     alpha=0.01, beta=0.05, terms={"k": (T, law)})  # fmt: skip
+                     alpha=0.01, beta=0.05, terms=terms)  # fmt: skip
     rom = flexgram.reduce(given, (0.01, 0.3), 1e-3)
     path = tmp_path / f"part.{version}.fmu"
     export(rom, path, version)
     assert validate_fmu(str(path)) == []
     t, h = np.linspace(0, 20, 41), 0.5
     outputs = [f"{port}.{rate}" for port in ("a.fx", "b.fx") for rate in ("motion", "acceleration")]
-    for value in (2.0, 1.0, 4.5):
-        unit = Unit(path, tmp_path / f"{version}{value}", 0, k=value)
-        assert unit.get(["k"])[0] == value
-        y, _ = rom.at(k=value).simulate(
+    reached = []
+    for value in values:
+        unit = Unit(path, tmp_path / f"{version}{value}", 0, **{name: value})
+        assert unit.get([name])[0] == value
+        y, _ = rom.at(**{name: value}).simulate(
             np.column_stack([np.ones(41), np.zeros(41)]), t, rates=("displacement", "acceleration")
         )
         unit.set(["a.fx"], [1.0])
@@ -96,8 +119,31 @@ def test_parameters_of_the_body(version: str, tmp_path: Path) -> None:
             unit.step(t[k], h)
         expected = y[-1][[0, 2, 1, 3]]
         assert np.allclose(unit.get(outputs), expected, rtol=1e-8, atol=1e-10)
+        reached.append(expected)
+    assert np.ptp(np.array(reached), axis=0).max() > 1e-3  # the parameter matters
     with pytest.raises(Exception, match="rror"):
-        Unit(path, tmp_path / f"{version}wrong", 0, k=5.5)
+        Unit(path, tmp_path / f"{version}wrong", 0, **{name: 5.5})
+
+
+def test_gyroscopic_forces_are_no_damping(tmp_path: Path) -> None:
+    """They stay where the unit's damping is taken away."""
+    n = 4
+    G = sp.csr_matrix(([0.5, -0.5], ([0, 1], [1, 0])), shape=(n, n))
+    K = sp.diags([1.0, 1.2, 3.0, 4.0]).tocsr()
+    B = np.eye(n)[:, :2]
+    names = ["a.fx", "a.fy"]
+    rom = flexgram.reduce(Matrices(K, sp.identity(n).tocsr(), B, D=G, inputs=names, beta=0.02),
+                          (0.01, 0.1), 1e-3)  # fmt: skip
+    export(rom, tmp_path / "spinning.fmu", "fmu")
+    unit = Unit(tmp_path / "spinning.fmu", tmp_path / "unit", 0, damping_factor=0.0)
+    unit.set(["a.fx"], [1.0])
+    for k in range(10):
+        unit.step(0.3 * k, 0.3)
+    whole = np.block([[np.zeros((n, n)), np.eye(n)], [-K.toarray(), -G.toarray()]])
+    load = np.linalg.solve(whole, np.r_[np.zeros(n), B[:, 0]])
+    moved = (scipy.linalg.expm(3.0 * whole) @ load - load)[:2]
+    assert abs(moved[1]) > 0.1
+    assert np.allclose(unit.get([f"{name}.motion" for name in names]), moved, rtol=1e-2, atol=1e-2)
 
 
 @pytest.mark.parametrize("version", FORMATS)

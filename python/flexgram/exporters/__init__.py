@@ -11,7 +11,6 @@ from typing import Any
 
 from flexgram.basics import BodyError, expect_kept
 from flexgram.body.laws import Circulatory
-from flexgram.body.varying_laws import Parameter
 from flexgram.model.reduced import ReducedBody
 
 __all__ = ["FORMATS", "export"]
@@ -142,9 +141,8 @@ WITH_CIRCULATION = ("mat", "npz", "octave", "state-space", "vtu")
 
 
 def keeps_parameters(model: ReducedBody, format: str) -> bool:
-    """Whether the format holds all parameters of the body as what they are."""
-    laws = model.system.parameters.values()
-    return format in WITH_PARAMETERS and all(isinstance(law, Parameter) for law in laws)
+    """Whether the format holds parameters of the body as what they are."""
+    return format in WITH_PARAMETERS and bool(model.system.parameters)
 
 
 def export(model: ReducedBody, path: str | Path, format: str, **options: Any) -> Path:

@@ -46,14 +46,25 @@ typedef struct {
   double *Phi, *G0, *G1; /* x+ = Phi x + G0 u + G1 (u+ - u) */
 } Body;
 
-/* Of the parameters' values less those that A0, A1, C and C1 are of: what these gain. */
+static double power(double x, int n) {
+  double y = 1;
+  while (n-- > 0) y *= x;
+  return y;
+}
+
+/* What an entry of A0 + damping A1, or C0 + damping C1, gains by values of the parameters that are
+   not the present ones. */
 static double gained(const Body *b, const double *of_0, const double *of_1, int size, int at) {
   double sum = 0;
 #if NP
-  for (int k = 0; k < NP; ++k)
-    sum += (b->s.p[k] - PRESENT[k]) * (of_0[k * size + at] + b->s.damping * of_1[k * size + at]);
+  for (int k = 0; k < NG; ++k) {
+    const int p = GAIN_OF[k], n = GAIN_POWER[k];
+    const double factor = power(b->s.p[p], n) - power(PRESENT[p], n);
+    if (factor != 0)
+      sum += factor * (of_0[k * size + at] + b->s.damping * of_1[k * size + at]);
+  }
 #else
-  (void)b, (void)of_0, (void)of_1, (void)size, (void)at;
+  (void)b, (void)of_0, (void)of_1, (void)size, (void)at, (void)power;
 #endif
   return sum;
 }
@@ -61,7 +72,7 @@ static double gained(const Body *b, const double *of_0, const double *of_1, int 
 /* A of the damping's factor: A0 + damping A1. */
 static double rate_matrix(const Body *b, int i, int j) {
   return A0[i * NX + j] + b->s.damping * A1[i * NX + j] +
-         gained(b, PA0, PA1, NX * NX, i * NX + j);
+         gained(b, GAIN_A0, GAIN_A1, NX * NX, i * NX + j);
 }
 
 static void rates(const Body *b, double *dx) {
@@ -77,8 +88,8 @@ static void rates(const Body *b, double *dx) {
 static double output(const Body *b, int i) {
   double sum = 0;
   for (int j = 0; j < NX; ++j)
-    sum += (C[i * NX + j] + b->s.damping * C1[i * NX + j] +
-            gained(b, PC0, PC1, NY * NX, i * NX + j)) *
+    sum += (C0[i * NX + j] + b->s.damping * C1[i * NX + j] +
+            gained(b, GAIN_C0, GAIN_C1, NY * NX, i * NX + j)) *
            b->s.x[j];
   for (int j = 0; j < NU; ++j) sum += D[i * NU + j] * b->s.u[j];
   return sum;
