@@ -137,6 +137,11 @@ def split_stiffness(
         return real, S, eta
     if abs(imaginary - imaginary.T).max() > 1e-12 * largest:
         raise BodyError(f"{where} is complex, and its imaginary part is not symmetric")
+    if real.diagonal().sum() < 0:
+        raise BodyError(
+            f"{where} is negative (its diagonal sums up to {real.diagonal().sum():.3g}): flexgram "
+            "takes M, D and K of Mq'' + Dq' + Kq = f; change the signs"
+        )
     if imaginary.diagonal().sum() < 0:
         raise BodyError(
             f"{where} is complex, and its imaginary part is negative, as for motions exp(-iωt); "
