@@ -178,7 +178,7 @@ def test_entries_in_any_order() -> None:
 def test_what_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BodyError, match=r"negative, as for motions exp\(-iωt\)"):
         flexgram.reduce(flexgram.Matrices(K.conj(), M, B), BAND, 1e-5)
-    with pytest.raises(BodyError, match="K is negative .*; change the signs"):
+    with pytest.raises(BodyError, match=r"K is negative .*; change the signs"):
         flexgram.reduce(flexgram.Matrices(-K, -M, B), BAND, 1e-5)
     skew = sp.csc_matrix(([1e3j, -1e3j], ([0, 1], [1, 0])), shape=(N, N))
     with pytest.raises(BodyError, match="its imaginary part is not symmetric"):
