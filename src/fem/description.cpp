@@ -199,10 +199,13 @@ BodyDescription read_description(const Hdf5File& file) {
     body.points = shape[0];
     if (file.has_attribute("/mesh", "mass_integration")) {
       const std::string rule = file.text_attribute("/mesh", "mass_integration");
-      if (rule != "full" && rule != "reduced")
-        throw Error(text("file %s: mass_integration %s must be full or reduced",
+      const std::map<std::string, MassRule> rules = {{"full", MassRule::full},
+                                                     {"reduced", MassRule::reduced},
+                                                     {"lumped", MassRule::lumped}};
+      if (rules.count(rule) == 0)
+        throw Error(text("file %s: mass_integration %s must be full, reduced or lumped",
                          file.path().c_str(), rule.c_str()));
-      body.mass_rule = rule == "full" ? MassRule::full : MassRule::reduced;
+      body.mass_rule = rules.at(rule);
     }
     for (const auto& name : ordered_children(file, "/materials"))
       body.materials[name] = read_material(file, name, body.warnings);

@@ -2,7 +2,10 @@
 
 #include "base/error.hpp"
 #include "fem/discrete.hpp"
+#include "fem/lumped_mass.hpp"
 #include "fem/shell.hpp"
+#include "fem/shell_kinematics.hpp"
+#include "fem/vectors.hpp"
 
 namespace flexgram {
 namespace {
@@ -54,10 +57,41 @@ std::vector<SolidMaterial> solid_of(const Material& material, const PlacedElemen
   return materials;
 }
 
-} // namespace
+bool is_lumped(const BodyDescription& body, const PlacedElement& at) {
+  return body.mass_rule == MassRule::lumped && !is_discrete(at.block().type);
+}
 
-ElementMatrices element_matrices(const BodyDescription& body, const PlacedElement& at,
-                                 bool with_stiffness) {
+std::vector<PointMass> masses_of(const BodyDescription& body, const PlacedElement& at,
+                                 const ElementMatrices& element) {
+  const MeshBlock& block = at.block();
+  std::vector<Vector3> arms;
+  if (is_shell(block.type) && body.shells.at(block.section).offset != 0) {
+    arms = ShellShape(block.type, at.x).normals;
+    for (Vector3& arm : arms)
+      for (double& x : arm) x *= body.shells.at(block.section).offset;
+  }
+  return nodal_masses(element, node_count(block.type), arms);
+}
+
+/// Half the inertia of a beam that turns about itself, to M of each end. It has no part in the forces of
+/// a spin, of which those of the other two axes would be as large.
+void add_torsional_inertia(const BodyDescription& body, const PlacedElement& at,
+                           ElementMatrices& element) {
+  const BeamSection& section = body.sections.at(at.block().section);
+  if (!section.has_torsional_inertia) return;
+  Vector3 axis;
+  for (std::size_t c = 0; c < 3; ++c) axis[c] = at.x[1][c] - at.x[0][c];
+  const double polar = (section.I_y + section.I_z) / section.A,
+               half = 0.5 * element.mass * polar / dot(axis, axis);
+  for (const int end : {3, 9})
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        element.M(end + i, end + j) += half * axis[as_size(i)] * axis[as_size(j)];
+}
+
+/// As it is without lumped mass.
+ElementMatrices consistent_matrices(const BodyDescription& body, const PlacedElement& at,
+                                    bool with_stiffness) {
   const MeshBlock& block = at.block();
   const std::vector<Vector3>& x = at.x;
   if (is_discrete(block.type)) {
@@ -77,7 +111,8 @@ ElementMatrices element_matrices(const BodyDescription& body, const PlacedElemen
     return element;
   }
   if (is_shell(block.type)) {
-    const Shell shell = shell_of(body, at);
+    Shell shell = shell_of(body, at);
+    if (is_lumped(body, at)) shell.law.second = 0; // which is no share of a node
     return shell_matrices(block.type, x, shell.law, shell.place, with_stiffness);
   }
   const Material& material = body.materials.at(block.material);
@@ -87,6 +122,17 @@ ElementMatrices element_matrices(const BodyDescription& body, const PlacedElemen
              ? beam_matrices(x[0], x[1], material.beam, body.sections.at(block.section))
              : solid_matrices(block.type, x, solid_of(material, at), body.mass_rule,
                               with_stiffness);
+}
+
+} // namespace
+
+ElementMatrices element_matrices(const BodyDescription& body, const PlacedElement& at,
+                                 bool with_stiffness) {
+  ElementMatrices element = consistent_matrices(body, at, with_stiffness);
+  if (!is_lumped(body, at) || !(element.min_detJ > 0)) return element;
+  lump(element, masses_of(body, at, element));
+  if (at.block().type == ElementType::beam2) add_torsional_inertia(body, at, element);
+  return element;
 }
 
 Dense stiffness_of_material(const BodyDescription& body, const PlacedElement& at,
@@ -108,6 +154,10 @@ Dense spin_softening(const BodyDescription& body, const PlacedElement& at,
   if (weighs_nothing(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_spin_softening(body.masses.at(block.material), axis);
+  if (is_lumped(body, at) && dofs_per_node(block.type) == 6)
+    return blocks_of(masses_of(body, at, element), [&](const PointMass& one) {
+      return mass_spin_softening(one, axis);
+    });
   if (is_shell(block.type)) {
     const Shell shell = shell_of(body, at);
     return shell_spin_softening(block.type, x, shell.law, shell.place, axis);
@@ -125,6 +175,9 @@ Dense coriolis(const BodyDescription& body, const PlacedElement& at,
   if (weighs_nothing(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_coriolis(body.masses.at(block.material), axis);
+  if (is_lumped(body, at) && dofs_per_node(block.type) == 6)
+    return blocks_of(masses_of(body, at, element),
+                     [&](const PointMass& one) { return mass_coriolis(one, axis); });
   if (is_shell(block.type)) {
     const Shell shell = shell_of(body, at);
     return shell_coriolis(block.type, x, shell.law, shell.place, axis);
@@ -144,6 +197,9 @@ Convection convection(const BodyDescription& body, const PlacedElement& at,
   if (block.type == ElementType::mass1)
     return {mass_gyroscopic(body.masses.at(block.material), x[0], spin.axis, spin.point),
             none};
+  if (is_lumped(body, at))
+    throw Error("in the frame at rest a spin takes consistent mass, not a lumped one "
+                "(mass_integration; or frame: turning)");
   if (block.type == ElementType::beam2)
     return {beam_gyroscopic(x[0], x[1], body.materials.at(block.material).beam,
                             body.sections.at(block.section), spin.axis, spin.point),

@@ -35,7 +35,8 @@ enum class ElementType {
 
 /// Points at which the mass is integrated. full: exact for straight-edged elements.
 /// reduced: the points of the stiffness (one for Tet4, four for Tet10), as CalculiX does.
-enum class MassRule { full, reduced };
+/// lumped: all mass at the nodes, as Nastran does.
+enum class MassRule { full, reduced, lumped };
 
 /// Elastic law in the element's axes, 6×6 in the order xx, yy, zz, xy, yz, zx with
 /// engineering shear strains [N/m²], and density [kg/m³].
@@ -76,6 +77,7 @@ std::array<double, 9> with_third(const std::array<double, 6>& axes);
 struct BeamSection {
   double A = 0, I_y = 0, I_z = 0, J = 0, k_y = 1, k_z = 1;
   Vector3 y_axis{0, 1, 0};
+  bool has_torsional_inertia = true; ///< where mass is lumped
 };
 
 struct BeamMaterial {

@@ -92,7 +92,7 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
   std::pair<double, double> det{std::numeric_limits<double>::max(),
                                 std::numeric_limits<double>::lowest()};
   const Dense mass =
-      scalar_mass(mass_rule == MassRule::full ? mass_points(type) : k_points, nodes,
+      scalar_mass(mass_rule == MassRule::reduced ? k_points : mass_points(type), nodes,
                   material.front().density, incompatible, result, det);
   for (const auto& p : k_points) {
     const double d = determinant(jacobian(p, nodes));
@@ -167,7 +167,7 @@ Convection solid_convection(ElementType type, const std::vector<Vector3>& nodes,
   const int n = static_cast<int>(nodes.size()) + (condenses ? 3 : 0);
   Dense G(n, n), S(n, n);
   for (const ShapePoint& p :
-       mass_rule == MassRule::full ? mass_points(type) : stiffness_points(type)) {
+       mass_rule == MassRule::reduced ? stiffness_points(type) : mass_points(type)) {
     std::vector<double> N = p.N;
     std::vector<Vector3> slopes = gradients(p, nodes);
     if (condenses) { // 1 − ξ_a²

@@ -49,7 +49,7 @@ def number(x: float) -> str:
 
 def bulk(mesh: meshio.Mesh, more: str, after: dict[str, str] | None = None) -> str:
     """A deck of a mesh whose labels are 10, 20, …; ``after``: fields behind nodes of elements."""
-    text = "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n"
+    text = "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\nPARAM,COUPMASS,1\n"
     for k, x in enumerate(mesh.points):
         text += card("GRID", 10 * k + 10, "", *(number(c) for c in x))
     label = 0
@@ -72,7 +72,8 @@ def clamp(mesh: meshio.Mesh, components: str) -> str:
     ["tetra", "tetra10", "hexahedron", "hexahedron20", "wedge", "wedge15", "quad", "triangle"],
 )
 def test_elements_are_those_of_a_description(kind: str, ranks: int, tmp_path: Path) -> None:
-    """Matrices entry by entry, with an RBE2 at its end and a mass on that."""
+    """Matrices entry by entry, with an RBE2 at its end and a mass on that; consistent mass and
+    lumped."""
     if kind in ("quad", "triangle"):
         mesh = sheet(kind, (4, 3), lambda u, v: (0.4 * u, 0.3 * v, 0.1 * u * v))
         prop = "PSHELL,1,1,0.01,1,,1\n"
@@ -89,10 +90,6 @@ def test_elements_are_those_of_a_description(kind: str, ranks: int, tmp_path: Pa
     more = prop + STEEL + clamp(mesh, components)
     more += card("GRID", far, "", *(number(c) for c in at)) + card("RBE2", 900, far, 123456, *ends)
     more += f"CONM2,901,{far},,3.0\n,0.02,0.001,0.03,-0.002,0.003,0.04\n"
-    (tmp_path / "part.bdf").write_text(bulk(mesh, more))
-    facts = assemble_bulk(tmp_path / "part.bdf", tmp_path / "part.h5", [])
-    assert facts["interfaces"]["rbe2_900"]["nodes"] == len(ends)
-    assert any("lumped in Nastran" in remark for remark in facts["remarks"])
     content = {
         "materials": {"steel": {"E": 2.1e11, "nu": 0.3, "rho": 7850.0}},
         "regions": {"all": region},
@@ -101,10 +98,17 @@ def test_elements_are_those_of_a_description(kind: str, ranks: int, tmp_path: Pa
         "masses": {"m": {"at": "end", "mass": 3.0,
                          "inertia": [0.02, 0.03, 0.04, -0.001, -0.003, 0.002]}},
     } | section  # fmt: skip
-    import_description(content, "part", tmp_path / "same.h5", mesh=mesh)
-    a = assembled(tmp_path / "a.h5", tmp_path / "part.h5", ranks)
-    b = assembled(tmp_path / "b.h5", tmp_path / "same.h5", ranks)
-    same_matrices(a, b, 1e-8)
+    for rule, coupled in (("full", 1), ("lumped", -1)):
+        text = bulk(mesh, more).replace("COUPMASS,1", f"COUPMASS,{coupled}")
+        (tmp_path / "part.bdf").write_text(text)
+        facts = assemble_bulk(tmp_path / "part.bdf", tmp_path / "part.h5", [])
+        assert facts["interfaces"]["rbe2_900"]["nodes"] == len(ends)
+        assert any("mass is lumped" in remark for remark in facts["remarks"]) == (rule == "lumped")
+        same = content | {"mass_integration": rule}
+        import_description(same, "part", tmp_path / "same.h5", mesh=mesh)
+        a = assembled(tmp_path / "a.h5", tmp_path / "part.h5", ranks)
+        b = assembled(tmp_path / "b.h5", tmp_path / "same.h5", ranks)
+        same_matrices(a, b, 1e-8)
 
 
 def test_losses_add_up(tmp_path: Path) -> None:
@@ -166,7 +170,8 @@ def test_coordinate_systems_and_springs(tmp_path: Path) -> None:
     """Grids in a cylinder's coordinates; rods, CELAS2, CBUSH and mass by WTMASS against a
     description."""
     angles = np.radians([0, 90, 180])
-    text = "BEGIN BULK\nCORD2C,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nPARAM,WTMASS,0.5\n"
+    text = "BEGIN BULK\nPARAM,COUPMASS,1\n"
+    text += "CORD2C,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nPARAM,WTMASS,0.5\n"
     for k, angle in enumerate(angles):
         text += card("GRID", k + 1, 5, 2.0, number(np.degrees(angle)), 0.5)
     text += "GRID,4,,0.,0.,0.\nGRID,5,,2.,0.,0.5\nGRID,6,,0.,0.,0.5\n"
@@ -310,7 +315,7 @@ def plate(*extra: str, prop: str = "PSHELL,1,1,0.01,1,,1\n", material: str = STE
 def test_a_truss(ranks: int, tmp_path: Path) -> None:
     """Three rods on a grid that nothing else holds: matrices in closed form, tension stiffens."""
     ends = np.array([[1.0, 0, 0], [0, 2.0, 0], [0, 0, 1.5]])
-    text = "BEGIN BULK\nGRID,9,,0.,0.,0.\n" + "".join(
+    text = "BEGIN BULK\nPARAM,COUPMASS,1\nGRID,9,,0.,0.,0.\n" + "".join(
         card("GRID", k + 1, "", *map(float, x)) + card("CONROD", k + 1, k + 1, 9, 1, 2e-4)
         for k, x in enumerate(ends)
     )

@@ -19,6 +19,7 @@ from flexgram.importers.alone import hold_untouched
 from flexgram.importers.nastran_bulk import assemble_bulk
 
 E_, NU, RHO = 2.1e11, 0.3, 7850.0
+BEGIN = "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\nPARAM,COUPMASS,1\n"
 PROPERTY = "PBAR,1,1,6.-4,4.5-8,2.-8,5.-8\nMAT1,1,2.1+11,,0.3,7850.\n"
 
 
@@ -27,7 +28,7 @@ def bars(cards: str, count: int = 4, length: float = 1.0, held: str = "SPC1,1,12
     element, of which the first grid is one."""
     grids = "".join(f"GRID,{k + 1},,{k * length / count},0.,0.\n" for k in range(count + 1))
     elements = "".join(cards.format(e=e, f=e + 1) for e in range(1, count + 1))
-    return f"SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n{grids}{elements}{PROPERTY}{held}ENDDATA\n"
+    return f"{BEGIN}{grids}{elements}{PROPERTY}{held}ENDDATA\n"
 
 
 def body_of(folder: Path, text: str, ports: str = "tip=NODES:5", ranks: int = 1) -> dict[str, Any]:
@@ -384,7 +385,7 @@ def test_a_law_by_its_matrix(tmp_path: Path) -> None:
         (mat9, "PSOLID,1,1\n"),
         (mat9, "PSOLID,1,1,7\n"),
     ):
-        text = f"SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n{grids}{cube}{system}{prop}{material}ENDDATA\n"
+        text = f"{BEGIN}{grids}{cube}{system}{prop}{material}ENDDATA\n"
         solids.append(body_of(tmp_path, text, "tip=NODES:7")["K"])
     for other in solids[1:]:
         assert abs(solids[0] - other).max() < 1e-6 * abs(solids[0]).max()

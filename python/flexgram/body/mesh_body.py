@@ -112,7 +112,7 @@ class MeshBody:
         self._divide_second_order()
         file["mesh/points"] = self.points * self.length
         file["mesh"].attrs["mass_integration"] = reader.choice(
-            "mass_integration", ("full", "reduced"), "full"
+            "mass_integration", ("full", "reduced", "lumped"), "full"
         )
         for name, data in reader.children("materials").items():
             write_material(file, name, data, self.units)
@@ -307,6 +307,8 @@ class MeshBody:
             if not np.linalg.norm(y_axis) > 0:
                 raise BodyError(f"{section.where}: y_axis = [0, 0, 0] has no direction")
             group.attrs["y_axis"] = y_axis
+            if section.get("torsional_inertia", True) is False:
+                group.attrs["torsional_inertia"] = 0
 
     def _write_interfaces(self) -> dict[str, dict[str, Any]]:
         """Write them; returns what is told of each."""

@@ -124,12 +124,6 @@ class _Bulk:
         self.rigid = RigidElements(deck, elements, self.points, self.equations)
         self.equations.arms()
         self.equations.read_mpc(self.rigid.references)
-        if not deck.param("COUPMASS"):
-            deck.remarks.append(
-                "mass is consistent here, lumped in Nastran without PARAM,COUPMASS: frequencies "
-                "differ by the mesh's own error"
-            )
-
     def describe(self) -> dict[str, Any]:
         content: dict[str, Any] = {
             "materials": self.elements.materials.entries,
@@ -141,6 +135,12 @@ class _Bulk:
             "interfaces": self.rigid.interfaces,
             "equations": self.equations.entries,
         }
+        if not (self.deck.param("COUPMASS") or 0) > 0:
+            content["mass_integration"] = "lumped"
+            self.deck.remarks.append(
+                "mass is lumped, as in Nastran without PARAM,COUPMASS,1: rotations of shells and "
+                "beams have none"
+            )
         if alone := sorted(self.elements.alone):
             content["nodes_alone"] = [self.deck.at(label) + 1 for label in alone]
             hold_untouched(content, self.deck.points)

@@ -260,6 +260,8 @@ class Elements:
             section = sheared(section, beam_ratio(prop.mid_ref)[1])
         name = f"p{prop.pid}_d{self._direction(v)}"
         self.sections[name] = section | {"y_axis": v.tolist()}
+        if kind == "CBAR":
+            self.sections[name]["torsional_inertia"] = False
         with named(self.deck.path, f"{prop.type} {prop.pid}: its area is not understood"):
             A, nsm = float(np.ravel(prop.Area())[0]), float(np.ravel(prop.Nsm() or 0.0)[0])
         material = self.materials.of(prop.pid, prop.mid_ref, nsm / A, beam=True)

@@ -135,7 +135,8 @@ def _of_shape(prop: Any) -> dict[str, Any]:
         raise BodyError("its section changes along the beam")
     shape, d = str(prop.beam_type), rows[0].tolist()
     if shape == "ROD":
-        return {"shape": "circle", "radius": d[0]}
+        area, second = math.pi * d[0] ** 2, math.pi * d[0] ** 4 / 4
+        return general(area, second, second, 2 * second, 0.9, 0.9)
     if shape == "TUBE":
         return {"shape": "tube", "radius": d[0], "thickness": d[0] - d[1]}
     if shape == "BAR":  # its second dimension is along y
