@@ -124,6 +124,7 @@ class _Bulk:
         self.rigid = RigidElements(deck, elements, self.points, self.equations)
         self.equations.arms()
         self.equations.read_mpc(self.rigid.references)
+
     def describe(self) -> dict[str, Any]:
         content: dict[str, Any] = {
             "materials": self.elements.materials.entries,
