@@ -455,6 +455,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
              1 / facts.worst_shape));
 
   Ports ports = interface_ports(comm, body, map, coordinates, held);
+  for (const auto& remark : ports.remarks) observer.fact("interfaces", remark);
   model.B = std::move(ports.B);
   model.C = model.B.share();
   model.inputs = model.outputs = std::move(ports.names);

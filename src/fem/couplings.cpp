@@ -32,9 +32,13 @@ struct Entry {
   double value;
 };
 
+/// Of the components that are free.
 void add_unit_loads(const Interface& interface, const DofMap& map, std::int64_t node,
-                    const Positions& position, std::vector<std::string>& names,
+                    const Positions& position, Ports& ports,
                     std::vector<Entry>& entries) {
+  std::vector<std::string>& names = ports.names;
+  std::string held;
+  const std::size_t first = names.size();
   for (int c = 0; c < map.dofs[as_size(node)]; ++c) {
     const std::size_t before = entries.size();
     for (const Share& share : map.shares(node, c, position)) {
@@ -43,12 +47,17 @@ void add_unit_loads(const Interface& interface, const DofMap& map, std::int64_t 
         entries.push_back({row, static_cast<int>(names.size()), share.factor});
     }
     if (entries.size() == before)
-      throw Error(
-          text("interface %s: component %s is held by a support, or by an equation: no "
-               "force can act there",
-               interface.name.c_str(), component_names[c]));
-    names.push_back(interface.name + "." + component_names[c]);
+      held += (held.empty() ? "" : ", ") + std::string(component_names[c]);
+    else
+      names.push_back(interface.name + "." + component_names[c]);
   }
+  if (held.empty()) return;
+  if (names.size() == first)
+    throw Error(text("interface %s: all its components are held by supports, or by "
+                     "equations: no force can act there",
+                     interface.name.c_str()));
+  ports.remarks.push_back(text("%s: no port %s, held by supports or by equations",
+                               interface.name.c_str(), held.c_str()));
 }
 
 /// Motion of each node of the set under the six motions of the reference.
@@ -138,11 +147,10 @@ Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& 
     const Interface& interface = body.interfaces[i];
     if (interface.coupling == Coupling::rigid) {
       require_sound_rigid_set(interface, map, position);
-      add_unit_loads(interface, map, map.reference_of_interface[i], position, ports.names,
+      add_unit_loads(interface, map, map.reference_of_interface[i], position, ports,
                      entries);
     } else if (interface.coupling == Coupling::node)
-      add_unit_loads(interface, map, interface.nodes.front(), position, ports.names,
-                     entries);
+      add_unit_loads(interface, map, interface.nodes.front(), position, ports, entries);
     else
       add_distributed_loads(interface, map, position, ports.names, entries,
                             comm_rank(comm) == 0 ? held : HeldForces());

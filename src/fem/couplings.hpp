@@ -14,6 +14,7 @@ Dense rigid_motion(const Vector3& d);
 struct Ports {
   Block B; ///< n × ports
   std::vector<std::string> names;
+  std::vector<std::string> remarks = {}; ///< of components that are held
 };
 
 /// Takes the part of a load that acts straight on a held component of a node.

@@ -50,6 +50,8 @@ struct PointMass {
   double mass = 0;                 ///< [kg]
   std::array<double, 6> inertia{}; ///< xx, yy, zz, xy, yz, zx of the tensor [kg m²]
   Vector3 offset{};                ///< of its centre of mass from the node [m]
+  /// In the place of these, its M over u and θ of the node; `mass` is then the mean along the axes.
+  std::optional<Dense> matrix = {};
 };
 
 /// A part of the stiffness of a material, or of a spring, with a law of its own.

@@ -39,6 +39,8 @@ Dense carried(const Vector3& d) {
 }
 
 void refuse_beside(const PointMass& mass) {
+  if (mass.matrix)
+    throw Error("a mass given by its matrix takes no spin: give its mass and inertia");
   if (is_beside(mass))
     throw Error("a mass beside its node (offset) takes no spin: give it a node of its "
                 "own, in a rigid interface");
@@ -78,6 +80,7 @@ bool is_spring(ElementType type) {
 }
 
 Dense mass_matrix(const PointMass& mass) {
+  if (mass.matrix) return *mass.matrix;
   Dense M(6, 6);
   for (int c = 0; c < 3; ++c) M(c, c) = mass.mass;
   set_part(M, 3, 3, inertia_of(mass));

@@ -57,6 +57,11 @@ std::vector<double> principal_moments(PointMass mass) {
 
 void expect_inertias_of_bodies(const Hdf5File& file, const BodyDescription& body) {
   for (const auto& [name, mass] : body.masses) {
+    if (mass.matrix)
+      throw Error(
+          text("file %s: /masses/%s: a mass given by its matrix takes no spin: give "
+               "its mass and inertia",
+               file.path().c_str(), name.c_str()));
     const auto moments = principal_moments(mass);
     if (moments[2] > (1 + 1e-9) * (moments[0] + moments[1]))
       throw Error(text("file %s: /masses/%s: no body that spins has the principal "
@@ -81,6 +86,12 @@ void read_discrete(const Hdf5File& file, BodyDescription& body) {
     const std::string object = "/masses/" + name;
     PointMass& mass = body.masses[name];
     mass.at = read_place(file, object, "nodes", "interface", body.points);
+    if (file.has_attribute(object, "matrix")) {
+      mass.matrix = read_of_motion(file, object, "matrix");
+      for (int c = 0; c < 3; ++c) mass.mass += (*mass.matrix)(c, c) / 3;
+      add(object, ElementType::mass1, name, mass.at);
+      continue;
+    }
     mass.mass = file.number_attribute(object, "mass");
     mass.inertia = fixed<double, 6>(file, object, "inertia");
     if (!(mass.mass >= 0) || !std::isfinite(mass.mass))

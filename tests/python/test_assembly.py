@@ -242,6 +242,32 @@ def test_a_cantilever_of_beams(ranks: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
+def test_an_interface_that_is_held_in_part(ranks: int, tmp_path: Path) -> None:
+    """It has no ports where it is held, and says so; held in all directions it is refused."""
+    points = np.linspace([0, 0, 0], [0.3, 0.4, 0], 11)
+    cells = np.column_stack([np.arange(10), np.arange(1, 11)])
+    mesh = meshio.Mesh(points, [("line", cells)], cell_sets={"frame": [np.arange(10)]})
+    meshio.write(tmp_path / "beam.inp", mesh)
+    held = (
+        BEAM.replace("beam.vtu", "beam.inp") + "  plane: {nodes: [11], components: [z, rx, ry]}\n"
+    )
+    held = held.replace("{root", "\n  root").replace("rx, ry, rz]}}", "rx, ry, rz]}")
+    (tmp_path / "beam.yaml").write_text(held)
+    import_body(tmp_path / "beam.yaml", tmp_path / "beam.h5")
+    body = assembled(tmp_path / "m.h5", tmp_path / "beam.h5", ranks)
+    assert body["names"] == ["tip.fx", "tip.fy", "tip.mz"]
+    said = run(
+        "assemble", "-body", tmp_path / "beam.h5", "-body_out", tmp_path / "m.h5", ranks=ranks
+    )
+    assert "tip: no port fz, mx, my" in said.out
+    (tmp_path / "beam.yaml").write_text(held.replace("[z, rx, ry]", "[x, y, z, rx, ry, rz]"))
+    import_body(tmp_path / "beam.yaml", tmp_path / "beam.h5")
+    said = run("assemble", "-body", tmp_path / "beam.h5", "-body_out", tmp_path / "m.h5",
+               ranks=ranks, expect=1)  # fmt: skip
+    assert "interface tip: all its components are held" in said.err
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
 def test_inverted_elements_are_named(ranks: int, tmp_path: Path) -> None:
     mesh = box("tetra10")
     mesh.cells[0].data[17, [0, 1]] = mesh.cells[0].data[17, [1, 0]]

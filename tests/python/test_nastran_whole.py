@@ -14,6 +14,7 @@ from scipy.sparse.linalg import eigsh
 from test_nastran_cards import mpc, plate
 
 from conftest import assembled
+from flexgram.basics import BodyError
 from flexgram.importers import parse
 from flexgram.importers.alone import hold_untouched
 from flexgram.importers.nastran_bulk import assemble_bulk
@@ -292,6 +293,8 @@ SHAPES = {
     "CHAN1": "26.,4.,50.,60.",
     "CHAN2": "3.,4.,50.,60.",
     "H": "30.,10.,50.,4.",
+    "HAT": "40.,3.,30.,12.",
+    "CROSS": "30.,4.,50.,5.",
 }
 
 
@@ -308,7 +311,12 @@ def test_open_sections(shape: str, tmp_path: Path) -> None:
     with h5py.File(tmp_path / "b.h5") as file:
         (of,) = (dict(section.attrs) for section in file["sections"].values())
     dims = np.array(SHAPES[shape].split(","), dtype=float)
-    if shape == "CHAN2":  # which it does not draw
+    if shape == "CROSS":  # which it does not draw, nor CHAN2
+        arms, web, h, t = dims / 2
+        y = np.array([-h, -h, -t, -t, t, t, h, h, t, t, -t, -t])
+        z = np.array([-1, 1, 1, 0, 0, 1, 1, -1, -1, 0, 0, -1]) * web
+        z += np.array([0, 0, 0, 1, 1, 0, 0, 0, 0, -1, -1, 0]) * (web + arms)
+    elif shape == "CHAN2":
         t, floor, h, b = dims
         y = np.array([0, 0, h, h, floor, floor, h, h])
         z = np.array([0, b, b, b - t, b - t, t, t, 0])
@@ -323,6 +331,48 @@ def test_open_sections(shape: str, tmp_path: Path) -> None:
     I_y = ((z**2 + z * next_z + next_z**2) * cross).sum() / 12 - A * z0**2
     found = np.array([of["A"], of["I_z"], of["I_y"]])
     np.testing.assert_allclose(found, np.array([A, I_z, I_y]) * np.sign(A), rtol=1e-9)
+
+
+def test_axes_that_are_not_principal(tmp_path: Path) -> None:
+    """A rectangle by I1, I2 and I12 about axes at 30 degrees, and about its own."""
+    angle, I1, I2 = np.radians(30), 4.5e-8, 2e-8
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    (zz, yz), (_, yy) = turn.T @ np.diag([I1, I2]) @ turn
+    own = f"PBAR,1,1,6.-4,{zz:.9e},{yy:.9e},5.-8\n,\n,,,{yz:.9e}".replace("e-0", "-")
+    vector = f"{np.cos(angle):.9f},{np.sin(angle):.9f}"
+    turned = PLAIN.replace("0.,1.,0.", f"0.,{vector}")
+    a = body_of(tmp_path, bars(turned).replace("PBAR,1,1,6.-4,4.5-8,2.-8,5.-8", own))
+    b = body_of(tmp_path, bars(PLAIN))
+    assert abs(a["K"] - b["K"]).max() < 1e-7 * abs(b["K"]).max()
+
+
+def test_masses_by_their_matrix(tmp_path: Path) -> None:
+    """CONM1, CMASS1 and CMASS2 act along the axes of their grid, or of a system."""
+    cards = (
+        "CORD2R,7,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.\n"  # its x, y, z are y, z, x
+        "CONM1,90,4,7,3.0,0.5,2.0,,\n,1.0\nCMASS2,91,0.25,5,2\nCMASS1,92,9,5,6\nPMASS,9,0.125\n"
+    )
+    plain = body_of(tmp_path, bars(PLAIN))
+    a = body_of(tmp_path, bars(PLAIN).replace("ENDDATA", cards + "ENDDATA"))
+    order = np.lexsort((a["component"], a["node"]))
+    added = (a["M"] - plain["M"]).toarray()[np.ix_(order, order)]
+    expected = np.zeros_like(added)
+    fourth, fifth = added.shape[0] - 12, added.shape[0] - 6
+    expected[fourth : fourth + 3, fourth : fourth + 3] = [[1, 0, 0], [0, 3, 0.5], [0, 0.5, 2]]
+    expected[fifth + 1, fifth + 1], expected[fifth + 5, fifth + 5] = 0.25, 0.125
+    np.testing.assert_allclose(added, expected, atol=1e-12)
+
+
+def test_what_is_passed_over_with_words(tmp_path: Path) -> None:
+    """Moduli by temperature without a temperature, and grids that a SPC moves."""
+    cards = "MATT1,1,7\nTABLEM1,7\n,0.,1.,100.,2.,ENDT\nSPC,1,3,3,0.1\n"
+    a = body_of(tmp_path, bars(PLAIN).replace("ENDDATA", cards + "ENDDATA"))
+    assert "SPC 1 moves grids, which are held here" in a["facts"]["remarks"]
+    held = body_of(tmp_path, bars(PLAIN).replace("ENDDATA", "SPC,1,3,3,0.\nENDDATA"))
+    assert abs(a["K"] - held["K"]).max() == 0
+    warm = bars(PLAIN).replace("SPC = 1", "SPC = 1\nTEMPERATURE(MATERIAL) = 3")
+    with pytest.raises(BodyError, match=r"MATT1 \(1\), TABLEM1 \(1\): not followed"):
+        body_of(tmp_path, warm.replace("ENDDATA", cards + "ENDDATA"))
 
 
 def test_a_beam_of_soft_shear(tmp_path: Path) -> None:

@@ -92,9 +92,14 @@ def write_masses(
     told = []
     places = Places(file)
     for order, (name, data) in enumerate(reader.children("masses").items()):
-        entry = Reader(data, f"masses: {name}", ("at", "nodes", "mass", "inertia", "offset"))
+        known = ("at", "nodes", "mass", "inertia", "offset", "matrix")
+        entry = Reader(data, f"masses: {name}", known)
         group = file.create_group(f"masses/{check_name(entry.where, str(name))}")
         places.write(group, entry, select, "at")
+        group.attrs["order"] = order
+        if "matrix" in entry.data:
+            told.append(_mass_by_matrix(group, entry, str(name), units))
+            continue
         inertia = np.zeros(6)
         if "inertia" in entry.data:
             given = _list(entry, "inertia")
@@ -113,7 +118,6 @@ def write_masses(
         offset = units[0] * entry.vector("offset", [0, 0, 0])
         if offset.any():
             group.attrs["offset"] = offset
-        group.attrs["order"] = order
         count = len(places.positions(group))
         each = f" at each of {count} nodes" if count > 1 else ""
         words = f"mass {name}: {group.attrs['mass']:.6g} kg{each}"
@@ -123,6 +127,20 @@ def write_masses(
             words += f", {np.linalg.norm(offset):.4g} m beside its node"
         told.append(words)
     return told
+
+
+def _mass_by_matrix(group: h5py.Group, entry: Reader, name: str, units: tuple[float, ...]) -> str:
+    """``matrix`` of a mass: three or six numbers along and about the axes, or 3×3 or 6×6. What is
+    told of it."""
+    if other := sorted({"mass", "inertia", "offset"} & set(entry.data)):
+        raise BodyError(f"{entry.where}: matrix stands for {other[0]}: give one of them")
+    arms = np.array([1.0] * 3 + [units[0]] * 3)
+    matrix = _of_motion(entry, "matrix", units[1] * np.outer(arms, arms), [])
+    group.attrs["matrix"] = matrix.ravel()
+    group.attrs["mass"] = matrix.diagonal()[:3].mean()  # what is told of the whole body
+    group.attrs["inertia"] = np.r_[matrix.diagonal()[3:], 0.0, 0.0, 0.0]
+    kg = ", ".join(f"{x:.6g}" for x in matrix.diagonal()[:3])
+    return f"mass {name}: {kg} kg along the axes"
 
 
 def _of_motion(entry: Reader, key: str, scale: Floats, ends: list[Floats]) -> Floats:

@@ -92,6 +92,10 @@ def _touched(content: Mapping[str, Any], points: Floats) -> dict[int, Floats]:
                 if matrix is not None and np.shape(matrix) == (6, 6):
                     add(node, np.diag(carried.T @ np.array(matrix) @ carried))
     for entry in content["masses"].values():
+        if "matrix" in entry:
+            for node in set(entry.get("nodes", [])) & set(touched):
+                add(node, np.diag(np.array(entry["matrix"])))
+            continue
         turns = float("inertia" in entry or "offset" in entry)
         for node in set(entry.get("nodes", [])) & set(touched):
             add(node, np.array([1.0, 1.0, 1.0, turns, turns, turns]) * lengths**2)

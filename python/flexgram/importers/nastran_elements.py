@@ -162,14 +162,14 @@ class Elements:
             )
             own = any(x is not None for x in given)
             name = f"p{prop.pid}" + (f"_t{t:.9g}" if own else "")
-        elif prop is not None and prop.type == "PCOMP":
+        elif prop is not None and prop.type in ("PCOMP", "PCOMPG"):
             material = ""
             has_fibres = any(m.type in ("MAT2", "MAT8") for m in prop.mids_ref)
             if prop.lam not in (None, "", "NO", "SYM"):
                 raise self.deck.refuse("PCOMP", prop.pid, f"LAM = {prop.lam} is not followed")
             loss = float(prop.ge or 0.0)  # those of its plies do not count
             plies = list(zip(prop.mids_ref, prop.thicknesses, prop.thetas, strict=True))
-            if prop.is_symmetrical:
+            if prop.lam == "SYM":
                 plies += plies[::-1]
             whole = sum(float(t) for _, t, _ in plies)
             nsm = float(prop.nsm or 0.0)
@@ -256,6 +256,8 @@ class Elements:
             section = beam_section(prop)
         except BodyError as error:
             raise self.deck.refuse(prop.type, prop.pid, str(error)) from None
+        if turn := section.pop("turn", 0.0):
+            v = np.cos(turn) * v + np.sin(turn) * np.cross(along, v)
         if prop.mid_ref is not None and prop.mid_ref.type == "MAT1" and prop.mid_ref.e:
             section = sheared(section, beam_ratio(prop.mid_ref)[1])
         name = f"p{prop.pid}_d{self._direction(v)}"

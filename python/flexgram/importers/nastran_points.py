@@ -163,9 +163,9 @@ class PointElements:
 
     def add_mass(self, number: int, mass: Any) -> None:
         if mass.type != "CONM2":
-            if mass.type in self.deck.ignore:
-                return
-            raise self.deck.refuse(mass.type, number, "only CONM2 is followed")
+            if mass.type not in self.deck.ignore:
+                self._add_matrix(number, mass)
+            return
         axes, beside = np.eye(3), np.asarray(mass.X, dtype=float)
         if mass.Cid() == -1:  # its place
             beside = beside - self.deck.points[self.deck.at(int(mass.nid))]
@@ -189,3 +189,37 @@ class PointElements:
             entry["offset"] = beside.tolist()
         if entry["mass"] > 0 or "inertia" in entry:
             self.masses[f"conm{number}"] = entry
+
+    def _add_matrix(self, number: int, mass: Any) -> None:
+        """CONM1, and CMASS1 and CMASS2 of one grid: masses by their matrix."""
+        M, wtmass = np.zeros((6, 6)), self.deck.param("WTMASS") or 1.0
+        if mass.type == "CONM1":
+            label = int(mass.nid)
+            lower = np.tril(np.asarray(mass.mass_matrix, dtype=float))
+            M = lower + np.tril(lower, -1).T
+            if mass.Cid() == 0:
+                axes = np.eye(3)
+            elif mass.cid_ref.type in ("CORD2R", "CORD1R"):
+                axes = np.asarray(mass.cid_ref.beta(), dtype=float)
+            else:
+                raise self.deck.refuse("CONM1", number, "its axes (CID) are cylindrical")
+        elif mass.type in ("CMASS1", "CMASS2"):
+            ends = [
+                (int(n), int(c or 0))
+                for n, c in zip(mass.node_ids, (mass.c1, mass.c2), strict=False)
+                if n
+            ]
+            if len(ends) != 1:
+                raise self.deck.refuse(mass.type, number, "between two grids it is not followed")
+            label, component = ends[0]
+            if not component:
+                raise self.deck.refuse(mass.type, number, "scalar points are not followed")
+            M[component - 1, component - 1] = float(mass.Mass())
+            axes = self.deck.axes(label)
+        else:
+            raise self.deck.refuse(mass.type, number, "it is not followed")
+        both = np.kron(np.eye(2), axes)
+        M = wtmass * both.T @ M @ both
+        if np.any(M):
+            entry = {"nodes": [self.deck.at(label) + 1], "matrix": M.tolist()}
+            self.masses[f"{mass.type.lower()}{number}"] = entry

@@ -50,7 +50,7 @@ class RigidElements:
                 pairs = [(int(n), str(card.components)) for n in card.node_ids]
             elif card.type == "SPC":
                 if any(float(x or 0.0) for x in card.enforced):
-                    raise BodyError(f"{self.deck.path}: SPC {card.conid} moves grids: not followed")
+                    self.deck.remark(f"SPC {card.conid} moves grids, which are held here")
                 pairs = [
                     (int(n), str(c)) for n, c in zip(card.node_ids, card.components, strict=True)
                 ]

@@ -32,7 +32,8 @@ def rod_section(prop: Any) -> tuple[float, float]:
 
 def beam_section(prop: Any) -> dict[str, Any]:
     """Entry of ``sections`` of a PBAR, PBARL, PBEAM or PBEAML of pyNastran, without ``y_axis``. The
-    local y axis is that of plane 1.
+    local y axis is that of plane 1; ``turn`` [rad] about the beam, if it is there, brings it to a
+    principal axis.
 
     Raises
     ------
@@ -57,12 +58,17 @@ def beam_section(prop: Any) -> dict[str, Any]:
             float(getattr(prop, key) or 0.0) for key in ("A", "i1", "i2", "i12", "j")
         )
         k1, k2 = prop.k1 or 0.0, prop.k2 or 0.0
+    turn = 0.0
     if abs(I12) > 1e-9 * (I1 + I2):
-        raise BodyError("I12 is not followed: take principal axes")
+        if abs(k1 - k2) > 1e-6:
+            raise BodyError("I12 with two different K1 and K2 is not followed")
+        (I2, I1), axes = np.linalg.eigh([[I1, I12], [I12, I2]])
+        turn = math.atan2(axes[1, 1], axes[0, 1])
     if not min(A, I1, I2, J) > 0:
         raise BodyError("A, I1, I2 and J must be positive")
     stiff = 1e6  # K = 0: no shear
-    return general(A, I2, I1, J, float(k1) or stiff, float(k2) or stiff)
+    section = general(A, float(I2), float(I1), J, float(k1) or stiff, float(k2) or stiff)
+    return section | ({"turn": turn} if turn else {})
 
 
 def sheared(section: dict[str, Any], factor: float) -> dict[str, Any]:
@@ -114,6 +120,19 @@ def _h(inner: float, legs: float, h: float, bar: float) -> list[Plate]:
     return [*sides, Plate(bar, inner)]
 
 
+def _hat(h: float, thick: float, top: float, foot: float) -> list[Plate]:
+    webs = [Plate(h - 2 * thick, thick, h / 2, sign * (top - thick) / 2) for sign in (1, -1)]
+    feet = [
+        Plate(thick, foot + thick, thick / 2, sign * (top + foot - thick) / 2) for sign in (1, -1)
+    ]
+    return [*webs, *feet, Plate(thick, top, h - thick / 2)]
+
+
+def _cross(arms: float, web: float, h: float, thick: float) -> list[Plate]:
+    sides = [Plate(thick, arms / 2, 0.0, sign * (arms / 2 + web) / 2) for sign in (1, -1)]
+    return [*sides, Plate(h, web)]
+
+
 #: Shapes of PBARL by their dimensions. CBAR takes their shear centre and centre of area as one.
 OPEN: dict[str, Callable[..., list[Plate]]] = {
     "T": _t,
@@ -125,6 +144,8 @@ OPEN: dict[str, Callable[..., list[Plate]]] = {
     "CHAN1": _chan1,
     "CHAN2": _chan2,
     "H": _h,
+    "HAT": _hat,
+    "CROSS": _cross,
 }
 
 
@@ -139,6 +160,8 @@ def _of_shape(prop: Any) -> dict[str, Any]:
         return general(area, second, second, 2 * second, 0.9, 0.9)
     if shape == "TUBE":
         return {"shape": "tube", "radius": d[0], "thickness": d[0] - d[1]}
+    if shape == "TUBE2":
+        return {"shape": "tube", "radius": d[0], "thickness": d[1]}
     if shape == "BAR":  # its second dimension is along y
         return {"shape": "rectangle", "width": d[1], "height": d[0]}
     if shape == "BOX":  # thickness of the horizontal and of the vertical walls; height along y
@@ -152,5 +175,5 @@ def _of_shape(prop: Any) -> dict[str, Any]:
             raise BodyError("an I with two different flanges is not followed")
     if shape in OPEN and prop.type == "PBARL":
         return plates(OPEN[shape](*d))
-    known = ["ROD", "TUBE", "BAR", "BOX", "I", *(OPEN if prop.type == "PBARL" else ())]
+    known = ["ROD", "TUBE", "TUBE2", "BAR", "BOX", "I", *(OPEN if prop.type == "PBARL" else ())]
     raise BodyError(f"shape {shape} is not followed ({', '.join(dict.fromkeys(known))} are)")
