@@ -30,7 +30,8 @@ set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "openmpi-bin, python3, python3-numpy, python3-scipy, python3-h5py, \
-python3-meshio, python3-yaml, python3-matplotlib, python3-mpi4py")
+python3-meshio, python3-yaml, python3-matplotlib, python3-mpi4py, libjs-three, \
+libjs-dygraphs")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
 set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
     "It takes finite-element meshes, or matrices of FE codes, and proves the error over a frequency

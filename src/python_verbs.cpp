@@ -48,6 +48,7 @@ const std::vector<std::pair<std::string, std::string>>& python_verbs() {
   static const std::vector<std::pair<std::string, std::string>> verbs{
       {"import", "mesh description or files of an FE code -> body file"},
       {"info", "what a body, reduced or sweep file holds"},
+      {"view", "body, mesh or reduced file -> shown in the browser, to be turned"},
       {"report", "reduced file -> one self-contained HTML page"},
       {"plot", "reduced or sweep file -> figures"},
       {"export", "reduced file -> multibody codes and other tools"},

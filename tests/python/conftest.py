@@ -47,6 +47,7 @@ ENVIRONMENT = {
     # No wait after a failed rank.
     "OMPI_MCA_odls_base_sigkill_timeout": "0",
     "PRTE_MCA_odls_base_sigkill_timeout": "0",
+    "BROWSER": "true",  # nothing is shown
     # Tests read the plan.
     "PETSC_OPTIONS": "-mor_monitor plan",
 }

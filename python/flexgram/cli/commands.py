@@ -23,6 +23,7 @@ from flexgram.cli.port_commands import (
     run_simulate,
     simulate_options,
 )
+from flexgram.cli.view_command import run_view, view_options
 
 
 def _plot_options(parser: argparse.ArgumentParser) -> None:
@@ -310,6 +311,12 @@ COMMANDS: dict[
         "flexgram info out/rack.rom.h5",
         _info_options,
         _info,
+    ),
+    "view": (
+        "body, mesh or reduced file -> shown in the browser, to be turned",
+        "flexgram view out/rack.h5\n  flexgram view lever.msh\n  flexgram view out/rack.rom.h5",
+        view_options,
+        run_view,
     ),
     "report": (
         "reduced file -> one self-contained HTML page",

@@ -6,7 +6,6 @@ import base64
 import html
 import io
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,41 +13,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.body.stress import Stresses
+from flexgram.body.stress import Stresses, von_mises
 from flexgram.measured import mode_shapes
-from flexgram.model.damped_modes import losses, modes_of, sensitivities
 from flexgram.model.elastic_part import without_rigid_modes
-from flexgram.model.geometry import body_of
-from flexgram.model.recovery import stress_peaks, words_of_stress
+from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.recovery import stress_at_nodes, stress_peaks, words_of_stress
 from flexgram.model.reduced import ReducedBody
-from flexgram.pictures import figures
+from flexgram.pictures import figures, page, tables
+from flexgram.pictures.charts import responses
+from flexgram.pictures.scene import Scene, libraries
 from flexgram.simulation.histories import evenly, judge, read_history
-
-STYLE = """
-:root { color-scheme: light; --ink: #1c2733; --soft: #5b6b7a; --line: #d8dee4; --accent: #0868ac; }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); margin: 0 auto; max-width: 62rem;
-       padding: 1.5rem; }
-h1 { font-size: 1.7rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2rem 0 .6rem;
-       border-bottom: 1px solid var(--line); padding-bottom: .2rem; }
-.lead { color: var(--soft); margin: 0 0 1rem; }
-.cards { display: grid; gap: .8rem; }
-.card:first-child { grid-column: span var(--first, 1); }
-@media (min-width: 40rem) { .columns-3 { grid-template-columns: repeat(3, 1fr); }
-       .columns-2 { grid-template-columns: repeat(2, 1fr); } }
-.card { border: 1px solid var(--line); border-radius: .5rem; padding: .7rem; }
-.card b { display: block; font-size: 1.35rem; }
-.card span { color: var(--soft); font-size: .85rem; }
-.good b { color: #1a7f37; } .fair b { color: #b35900; } .poor b { color: #c0392b; }
-table { border-collapse: collapse; } td, th { padding: .15rem .9rem .15rem 0; text-align: left;
-       vertical-align: top; border-bottom: 1px solid #eef1f4; } th { color: var(--soft);
-       font-weight: 500; } td.n { text-align: right; font-variant-numeric: tabular-nums; }
-.skipped td { color: var(--soft); } figure { margin: 0; } img { max-width: 100%; height: auto; }
-.pair { display: grid; gap: 1rem;
-       grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); }
-.warning { border-left: 4px solid #d4a72c; background: #fff8e1; padding: .5rem .8rem;
-       margin: .5rem 0; }
-details { margin-top: .6rem; } code { font-size: .85em; }
-"""
 
 
 def _image(figure: Figure, caption: str, raster: bool = False) -> str:
@@ -60,127 +34,6 @@ def _image(figure: Figure, caption: str, raster: bool = False) -> str:
     return (
         f'<figure><img alt="{text}" src="data:image/{kind};base64,{data}">'
         f"<figcaption class='lead'>{text}</figcaption></figure>"
-    )
-
-
-def _plan(facts: list[tuple[str, str]]) -> str:
-    rows = []
-    for name, value in facts:
-        kind = ' class="skipped"' if name == "skipped" else ""
-        rows.append(f"<tr{kind}><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>")
-    return f"<table>{''.join(rows)}</table>"
-
-
-def _modes(model: ReducedBody, most: int = 40) -> str:
-    by_parameter = sensitivities(model.system) if model.system.parameters else {}
-    model = model.at() if model.system.parameters else model
-    poles = replace(model.system, terms=()).poles()
-    poles = poles[poles.imag >= 0]
-    squares, shapes = modes_of(model.system)
-    lost = losses(model.system, squares, shapes)
-    frequencies = np.sqrt(np.maximum(squares, 0)) if model.system.terms else model.modes
-    masses = mode_shapes.effective_masses(model, shapes)
-    rows = []
-    rigid = int(np.sum(frequencies < 1e-6 * max(frequencies.max(initial=0), 1e-300)))
-    for j, omega in enumerate(frequencies[:most]):
-        if j < rigid:
-            rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>0</td><td>rigid</td></tr>")
-            continue
-        near = poles[np.argmin(np.abs(np.abs(poles) - model.modes[j]))]
-        zeta = -near.real / max(omega, 1e-300) + 0.5 * (model.system.eta + lost[j])
-        inside = "" if model.claim.band[0] <= omega <= model.claim.band[1] else "outside the band"
-        rows.append(
-            f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"
-            f"<td class=n>{100 * zeta:.3g} %</td>"
-            + "".join(f"<td class=n>{of[j]:.3f}</td>" for of in by_parameter.values())
-            + f"{_numbers(masses, j)}<td>{inside}</td></tr>"
-        )
-    more = (
-        f"<p class=lead>and {len(model.modes) - most} higher</p>" if len(model.modes) > most else ""
-    )
-    of_masses = "" if masses is None else "".join(f"<th>m<sub>{a}</sub> [kg]</th>" for a in "xyz")
-    said = (
-        "<p class=lead>m: effective masses, the squares of the participation factors of modes of "
-        "unit mass.</p>"
-        if of_masses
-        else ""
-    )
-    of_parameters = "".join(f"<th>{html.escape(name)}</th>" for name in by_parameter)
-    if by_parameter:
-        said += (
-            "<p class=lead>Of a parameter: the relative change of the frequency by that of the "
-            "parameter, at its present value.</p>"
-        )
-    return (
-        f"<table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th>"
-        f"{of_parameters}{of_masses}<th></th></tr>{''.join(rows)}</table>{more}{said}"
-    )
-
-
-def _numbers(rows: Any, j: int) -> str:
-    """Cells of a row of numbers, if there are some."""
-    return "" if rows is None else "".join(f"<td class=n>{x:.4g}</td>" for x in rows[j])
-
-
-def _cards(model: ReducedBody) -> str:
-    claim = model.claim
-    # By the size of the error: a proof of 23 % is no good news.
-    colour = (
-        "poor"
-        if not claim.supremum <= 0.1 or not claim.met
-        else "good"
-        if claim.supremum <= 0.01 and claim.kind.startswith("certified")
-        else "fair"
-    )
-    hz = claim.bands / (2 * np.pi)
-    kinds = ""
-    if len(claim.by_kind):
-        of = [f"{kind} {value:.1e}" for kind, value in zip(claim.kinds, claim.by_kind, strict=True)]
-        if len(claim.kind_tolerances):
-            of = [f"{said} of {t:g}" for said, t in zip(of, claim.kind_tolerances, strict=True)]
-        kinds = f": the largest of all of H {claim.whole:.1e}, {', '.join(of)}"
-    notes = claim.shortfall, claim.words_of_data
-    cards = [
-        (
-            f"{claim.supremum:.1e}",
-            f"largest relative error over the band, {claim.label}"
-            + kinds
-            + "".join(f"; {said}" for said in notes if said),
-            colour,
-        ),
-        (
-            f"{len(model.basis.V):,} → {model.order}" if len(model.basis.V) else str(model.order),
-            "degrees of freedom",
-            "",
-        ),
-        (", ".join(f"{first:g} – {last:g}" for first, last in hz) + " Hz", "band", ""),
-        (f"{len(model.inputs)} / {len(model.outputs)}", "inputs / outputs", ""),
-    ]
-    log, seconds = model.provenance.log, sum(model.provenance.seconds.values())
-    if seconds:
-        count = int(log.get("factorisations", 0))
-        cards.append(
-            (f"{seconds:.2f} s", f"{count} factorisations, {int(log.get('ranks', 1))} rank(s)", "")
-        )
-    peak = log.get("peak_memory_mb_per_rank")
-    if peak:
-        cards.append((f"{float(peak):.0f} MB", "peak memory on a rank", ""))
-    tiles = "".join(
-        f'<div class="card {kind}"><b>{value}</b><span>{html.escape(what)}</span></div>'
-        for value, what, kind in cards
-    )
-    columns = 3 if len(cards) in (3, 5, 6) else 2  # full rows, the first tile makes up for one
-    first = ' style="--first: 2"' if len(cards) == 5 else ""
-    return f'<div class="cards columns-{columns}"{first}>{tiles}</div>'
-
-
-def _held(model: ReducedBody) -> str:
-    """Frequencies and static compliance with each interface held."""
-    lines = "".join(f"<li>{html.escape(line)}</li>" for line in model.claim.words_of_held)
-    return (
-        f"<p>Without damping, against the model it was cut from:</p><ul>{lines}</ul>"
-        if lines
-        else ""
     )
 
 
@@ -229,6 +82,11 @@ class _Page:
         self.model, self.body = model, body
         self.made = model.provenance
         self.left: list[str] = []
+        self.data: dict[str, Any] = {}
+        self.scene: Scene | None = None
+        self.is_live = bool(libraries())
+        if not self.is_live:
+            self.left.append(page.WITHOUT)
 
     def draw(self, name: str, caption: str, raster: bool = False, **arguments: Any) -> str:
         """A figure of ``pictures.figures``; empty if it cannot be drawn."""
@@ -245,17 +103,31 @@ class _Page:
             f"<h1>{html.escape(Path(made.body or rom).stem)}, reduced</h1>",
             f"<p class=lead>{html.escape(made.body)} by flexgram ({html.escape(made.stages)}), "
             f"in {html.escape(rom.name)}{_when(made.log)}</p>",
-            _cards(self.model),
+            f'<p class="claim">{html.escape(tables.sentence(self.model))}</p>',
+            f"<details><summary>What this means</summary><p>{tables.MEANING}</p></details>"
+            if self.model.claim.kind.startswith("certified")
+            else "",
+            tables.cards(self.model),
             *(f'<p class="warning">{html.escape(w)}</p>' for w in made.warnings),
         ]
 
     def response(self, sweep: Path | None, ports: list[tuple[str, str]] | None) -> list[str]:
-        """The error, the order, and H."""
+        """H and the error, and the order."""
+        gramian = "Eigenvalues of the position Gramian over the band, and the order taken."
         error = (
             "Error of the transfer matrix in the Frobenius norm, "
             f"{self.model.claim.words_of_reference}."
         )
-        gramian = "Eigenvalues of the position Gramian over the band, and the order taken."
+        if self.is_live:
+            data = self.data["chart-data"] = responses(self.model, sweep, ports)
+            return [
+                "<h2>Responses and error</h2>",
+                page.charts(data, sweep is not None),
+                f"<p class=lead>{html.escape(error)} Grey: where nothing is claimed.</p>",
+                "<details><summary>Why this order</summary>",
+                self.draw("gramian", gramian),
+                "</details>",
+            ]
         whose = (
             " of the full and the reduced body."
             if sweep
@@ -288,21 +160,57 @@ class _Page:
                 self.left.append(f"stress: {error}")
         return parts
 
-    def shapes(self) -> list[str]:
-        """The mesh and the lowest modes."""
-        caption = "Surface with the interfaces; lowest elastic modes of the reduced body, enlarged."
-        picture = self.draw("shapes", caption, raster=True, body=self.body)
-        return ["<h2>Shapes</h2>", picture] if picture else []
+    def shapes(self, loads: str | Path | None) -> list[str]:
+        """The body in space: its lowest modes, its load history."""
+        if not self.is_live:
+            caption = "Surface with the interfaces; lowest elastic modes of the body, enlarged."
+            picture = self.draw("shapes", caption, raster=True, body=self.body)
+            return ["<h2>Shapes</h2>", picture] if picture else []
+        try:
+            geometry = Geometry.load(body_of(self.model, self.body))
+            scene = Scene.of(geometry)
+            hz, modes = figures.elastic_modes(self.model, min(scene.room, 24))
+            motion = geometry.motion(self.model, modes) if len(modes) else np.empty((0, 0, 3))
+        except BodyError as reason:
+            self.left.append(f"shapes: {reason}")
+            return []
+        for k, field in enumerate(motion):
+            scene.add_motion(f"mode {self.model.frame.rigid_modes + k + 1}, {hz[k]:.5g} Hz", field)
+        if loads is not None:
+            self._add_history(scene, geometry, loads)
+        self.scene = scene
+        self.data["scene-data"] = scene.data()
+        return ["<h2>The body</h2>", page.viewer(scene)]
+
+    def _add_history(self, scene: Scene, geometry: Geometry, loads: str | Path) -> None:
+        """The elastic answer to it at forty moments, with its stress if that is known."""
+        part = without_rigid_modes(self.model)
+        t, u = evenly(*read_history(loads, self.model.inputs))
+        _, q = part.system.simulate(u, t)
+        worst = int(np.argmax(np.einsum("ki,ij,kj->k", q, part.system.K, q, optimize=True)))
+        few = np.unique(np.append(np.linspace(0, len(t) - 1, 40).astype(int), worst))
+        stress = None
+        if _has_stress(self.model, self.body):
+            try:
+                stress = von_mises(stress_at_nodes(part, q[few], self.body, u[few]))
+            except BodyError as reason:
+                self.left.append(f"stress over time: {reason}")
+        scene.set_history(t[few], geometry.motion(part, q[few]), stress)
 
     def plan_and_modes(self) -> list[str]:
-        """What was done; the modes, free and held."""
-        plan = _plan(self.made.plan) if self.made.plan else "<p>not stored</p>"
+        """The modes, free and held; interfaces and mass; what was done."""
+        plan = tables.plan(self.made.plan) if self.made.plan else "<p>not stored</p>"
+        drawn = len(self.scene.motions) if self.scene else 0
         return [
-            "<h2>Plan: what was done, what was skipped and why</h2>",
-            plan,
             "<h2>Modes of the reduced body</h2>",
-            _modes(self.model),
-            _held(self.model),
+            tables.modes(self.model, drawn),
+            tables.held(self.model),
+            "<h2>Interfaces and mass</h2>",
+            tables.interfaces(self.model, self.body),
+            "<h2>How it was made</h2><details><summary>Plan: what was done, what was skipped and "
+            "why</summary>",
+            plan,
+            "</details>",
         ]
 
     def measured(self, file: str | Path) -> list[str]:
@@ -330,9 +238,9 @@ class _Page:
         )
         told = html.escape(", ".join(f"{k} {v}" for k, v in versions.items()))
         return [
-            "<h2>Time by stage</h2>",
+            "<details><summary>Time by stage</summary>",
             self.draw("stages", "Wall clock."),
-            f"<details><summary>All options</summary><table>{''.join(rows)}",
+            f"</details><details><summary>All options</summary><table>{''.join(rows)}",
             f"</table></details><p class=lead>{told}</p>",
         ]
 
@@ -377,24 +285,19 @@ def write_report(
     >>> write_report("rack.rom.h5", "rack.html")  # what could not be shown
     []
     """
-    page = _Page(ReducedBody.load(rom), body)
+    made = _Page(ReducedBody.load(rom), body)
     parts = [
-        *page.head(Path(rom)),
-        *page.response(None if sweep is None else Path(sweep), ports),
-        *(page.history(loads) if loads is not None else ()),
-        *page.shapes(),
-        *page.plan_and_modes(),
-        *(page.measured(measured) if measured is not None else ()),
-        *page.times(),
+        *made.head(Path(rom)),
+        *made.shapes(loads),
+        *made.response(None if sweep is None else Path(sweep), ports),
+        *(made.history(loads) if loads is not None else ()),
+        *made.plan_and_modes(),
+        *(made.measured(measured) if measured is not None else ()),
+        *made.times(),
     ]
-    title = html.escape(Path(rom).name)
-    text = (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
-        f"<body>{''.join(parts)}</body></html>\n"
-    )
+    text = page.document(Path(rom).name, parts, made.data)
     if Path(output).suffix.lower() not in (".html", ".htm"):
         raise BodyError(f"{output}: a report is a page: name it {Path(output).stem}.html")
     with written_aside(output, rom, body, sweep, loads, measured) as place:
         place.write_text(text)
-    return page.left
+    return made.left

@@ -1,0 +1,133 @@
+"""What a page draws over frequency: responses between ports, and the error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from flexgram.basics import BodyError, ComplexArray, Floats, errors_of
+from flexgram.model.reduced import ReducedBody
+from flexgram.pictures.figures import HZ, envelope, unit_of
+from flexgram.pictures.scene import packed
+
+#: Numbers that responses of a page hold at most.
+NUMBERS = 300_000
+#: Frequencies of the reduced body, beside those near its poles.
+POINTS = 500
+
+
+def frequencies(model: ReducedBody) -> Floats:
+    """Frequencies [rad/s] over all bands, and closer ones around lightly damped poles."""
+    first, last = model.claim.bands[0, 0], model.claim.bands[-1, 1]
+    even: Floats = np.linspace(first, last, POINTS)
+    try:
+        poles = model.system.in_time().poles()
+    except BodyError:  # those of loss factors
+        return even
+    inside = poles[(poles.imag > first) & (poles.imag < last)]
+    sharp = inside[np.argsort(np.abs(inside.real))][:60]
+    widths = np.maximum(np.abs(sharp.real), 1e-4 * sharp.imag)  # never at an undamped pole itself
+    near = sharp.imag[:, None] + widths[:, None] * np.array([-4, -1.5, 0.01, 1.5, 4])
+    near = near[(near > first) & (near < last)]
+    found: Floats = np.unique(np.concatenate([even, near]))
+    return found
+
+
+def read_sweep(sweep: Path, model: ReducedBody) -> tuple[Floats, ComplexArray]:
+    """Frequencies [rad/s] and H of a sweep file.
+
+    Raises
+    ------
+    BodyError
+        If its ports are others.
+    """
+    with errors_of(sweep), h5py.File(sweep) as file:
+        omega, H = file["omega"][:], file["H"][..., 0] + 1j * file["H"][..., 1]
+        names = [[str(x) for x in file["H"].attrs[k]] for k in ("inputs", "outputs")]
+    if names != [model.inputs, model.outputs]:
+        raise BodyError(f"{sweep}: its ports are not those of the reduced body")
+    return omega, H
+
+
+def responses(
+    model: ReducedBody, sweep: Path | None = None, ports: list[tuple[str, str]] | None = None
+) -> dict[str, Any]:
+    """|H| of the reduced body, and of a sweep, for as many pairs of ports as a page has room for:
+    those that are asked for, then collocated ones, then the strongest.
+
+    Returns
+    -------
+    dict
+        As ``page/charts.js`` reads it.
+    """
+    omega = frequencies(model)
+    H = np.abs(model.system.transfer(omega))
+    outputs, inputs = model.outputs, model.inputs
+    for output, port in ports or []:
+        if output not in outputs or port not in inputs:
+            raise BodyError(
+                f"no port {output if output not in outputs else port}; there are "
+                f"{', '.join(inputs)}"
+            )
+    wanted = [(outputs.index(output), inputs.index(port)) for output, port in ports or []]
+    same = [(outputs.index(name), j) for j, name in enumerate(inputs) if name in outputs]
+    is_force = [name.rpartition(".")[2].startswith("f") for name in inputs]
+    same.sort(key=lambda pair: (not is_force[pair[1]], -H[:, pair[0], pair[1]].max()))
+    size = H.max(axis=0)
+    strongest = [divmod(int(k), len(inputs)) for k in np.argsort(-size, axis=None)]
+    whole, box = None, None
+    if sweep is not None:
+        whole = read_sweep(sweep, model)
+    if model.system.parameters:
+        box = envelope(model, omega)
+    each = len(omega) * (3 if box else 1) + (len(whole[0]) if whole else 0)
+    pairs = list(dict.fromkeys([*wanted, *same, *strongest]))[: max(1, NUMBERS // each)]
+    i, j = np.array(pairs).T
+
+    def curves(of: Floats) -> str:
+        return packed(of[:, i, j].T, "f4")
+
+    found: dict[str, Any] = {
+        "hz": (omega * HZ).tolist(),
+        "pairs": [
+            {"output": outputs[a], "input": inputs[b], "unit": unit_of(outputs[a], inputs[b])}
+            for a, b in pairs
+        ],
+        "left_out": len(outputs) * len(inputs) - len(pairs),
+        "reduced": curves(H),
+        "full": curves(np.abs(whole[1])) if whole else None,
+        "full_hz": (whole[0] * HZ).tolist() if whole else [],
+        "least": curves(box[0]) if box else None,
+        "most": curves(box[1]) if box else None,
+        "bands": (model.claim.bands * HZ).tolist(),
+        "excluded": (model.claim.excluded * HZ).tolist(),
+        "from": float(model.claim.bands[0, 0] * HZ),
+        "to": float(model.claim.bands[-1, 1] * HZ),
+        "error": errors(model),
+    }
+    return found
+
+
+def errors(model: ReducedBody) -> dict[str, Any]:
+    """The bound of the error, the error where it is known, and the tolerance."""
+    claim = model.claim
+    columns: dict[str, tuple[Floats, dict[str, Any]]] = {}
+    if len(claim.bound):
+        word = "certified" if claim.kind.startswith("certified") else "estimated"
+        columns[f"{word} bound"] = (claim.bound, {"color": "#e08214", "strokeWidth": 3})
+    if not np.array_equal(claim.error, claim.bound):  # of some assemblies the bound alone is known
+        columns["error against the medium model"] = (claim.error, {"color": "#0868ac"})
+    if claim.tolerance:
+        constant = np.full(len(claim.omega), float(claim.tolerance))
+        columns["tolerance"] = (constant, {"color": "#c0392b", "strokePattern": [8, 4]})
+    table = np.column_stack(
+        [claim.omega * HZ, *(np.maximum(values, 1e-17) for values, _ in columns.values())]
+    )
+    return {
+        "labels": ["frequency", *columns],
+        "rows": table.tolist() if columns else [],
+        "series": {name: style for name, (_, style) in columns.items()},
+    }

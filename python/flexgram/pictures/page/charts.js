@@ -1,0 +1,111 @@
+/* Responses between chosen ports, and the error over the band, on one frequency axis. */
+"use strict";
+
+(function () {
+  const place = document.getElementById("charts");
+  if (!place) return;
+  const data = JSON.parse(document.getElementById("chart-data").textContent);
+  function floats(text) {
+    const raw = atob(text), all = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; ++i) all[i] = raw.charCodeAt(i);
+    return new Float32Array(all.buffer);
+  }
+  function number(x) {
+    return x === 0 ? "0" : Math.abs(x) >= 1e-3 && Math.abs(x) < 1e4
+      ? Number(x.toPrecision(4)).toString() : x.toExponential(2);
+  }
+  const curves = {}; // "output|input" -> what is drawn of them
+  data.pairs.forEach(function (pair, k) { curves[pair.output + "|" + pair.input] = k; });
+  const hz = data.hz, reduced = floats(data.reduced), full = data.full && floats(data.full);
+  const least = data.least && floats(data.least), most = data.most && floats(data.most);
+  const output = place.querySelector(".output"), input = place.querySelector(".input");
+  const logarithmic = place.querySelector(".logarithmic");
+
+  function rows(pair) {
+    const n = hz.length, m = data.full_hz.length, table = [];
+    for (let i = 0; i < n; ++i) {
+      const row = [hz[i], null, reduced[pair * n + i]];
+      if (least) row.push(least[pair * n + i], most[pair * n + i]);
+      table.push(row);
+    }
+    for (let i = 0; full && i < m; ++i) {
+      const row = [data.full_hz[i], full[pair * m + i], null];
+      if (least) row.push(null, null);
+      table.push(row);
+    }
+    return table.sort(function (a, b) { return a[0] - b[0]; });
+  }
+  function bands(canvas, area, graph) { /* nothing is claimed outside of these */
+    canvas.fillStyle = "rgba(28, 39, 51, 0.07)";
+    let from = graph.xAxisRange()[0];
+    data.bands.concat([[graph.xAxisRange()[1], 0]]).forEach(function (band) {
+      const a = graph.toDomXCoord(from), b = graph.toDomXCoord(band[0]);
+      if (b > a) canvas.fillRect(a, area.y, b - a, area.h);
+      from = Math.max(from, band[1]);
+    });
+    canvas.fillStyle = "rgba(192, 57, 43, 0.35)";
+    data.excluded.forEach(function (band) {
+      const a = graph.toDomXCoord(band[0]), b = graph.toDomXCoord(band[1]);
+      canvas.fillRect(a, area.y, Math.max(b - a, 2), area.h);
+    });
+  }
+  function axes() {
+    return {
+      x: { logscale: logarithmic.checked, axisLabelFormatter: number,
+           valueFormatter: function (x) { return number(x) + " Hz"; } },
+      y: { axisLabelFormatter: number, valueFormatter: number, axisLabelWidth: 70 }
+    };
+  }
+  const common = {
+    logscale: true, legend: "always", labelsSeparateLines: false, connectSeparatedPoints: true,
+    underlayCallback: bands, animatedZooms: false, strokeWidth: 1.6, highlightCircleSize: 3,
+    dateWindow: [data.from, data.to]
+  };
+  let response = null;
+  function redraw() {
+    const pair = curves[output.value + "|" + input.value];
+    const labels = ["frequency", "full body", "reduced"];
+    if (least) labels.push("least of any values", "most of any values");
+    const words = place.querySelector(".unshown");
+    words.hidden = pair !== undefined;
+    if (pair === undefined) return;
+    const series = {
+      "full body": { color: "#444444", strokeWidth: 0, drawPoints: true,
+                     pointSize: data.full_hz.length > 150 ? 1.5 : 3 },
+      reduced: { color: "#0868ac" },
+      "least of any values": { color: "#e08214", strokePattern: [2, 3] },
+      "most of any values": { color: "#e08214", strokePattern: [2, 3] }
+    };
+    const own = { file: rows(pair), labels: labels, series: series,
+                  visibility: [Boolean(full), true].concat(least ? [true, true] : []),
+                  ylabel: "|H| [" + data.pairs[pair].unit + "]", axes: axes() };
+    if (response) {
+      response.updateOptions(own);
+      return;
+    }
+    const options = Object.assign({ labelsDiv: place.querySelector(".of-response") }, common, own);
+    delete options.file;
+    response = new Dygraph(place.querySelector(".response"), own.file, options);
+  }
+  output.addEventListener("change", redraw);
+  input.addEventListener("change", redraw);
+  redraw();
+  const graphs = [response];
+  const error = place.querySelector(".error");
+  if (error && data.error.rows.length) {
+    graphs.push(new Dygraph(error, data.error.rows, Object.assign({}, common, {
+      labels: data.error.labels, axes: axes(), ylabel: "relative error", xlabel: "frequency [Hz]",
+      series: data.error.series, labelsDiv: place.querySelector(".of-error")
+    })));
+    Dygraph.synchronize(graphs[0], graphs[1], { zoom: true, selection: false, range: false });
+  }
+  logarithmic.addEventListener("change", function () {
+    graphs.forEach(function (graph) { graph.updateOptions({ axes: axes() }); });
+  });
+  place.querySelector(".whole").addEventListener("click", function () {
+    graphs.forEach(function (graph) {
+      graph.updateOptions({ dateWindow: [data.from, data.to], valueRange: null });
+    });
+  });
+  place.dataset.ready = "yes";
+})();

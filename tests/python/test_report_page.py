@@ -1,0 +1,259 @@
+"""The page of a reduced body: its data against the body, and what headless Chromium makes of it."""
+
+from __future__ import annotations
+
+import base64
+import html.parser
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw
+
+import flexgram
+from bodies import box
+from conftest import run
+from flexgram.__main__ import main
+from flexgram.basics import BodyError
+from flexgram.model.geometry import Geometry
+from flexgram.pictures import page
+from flexgram.pictures import report as report_module
+from flexgram.pictures.figures import elastic_modes
+from flexgram.pictures.scene import Scene, libraries, simplified
+from flexgram.pictures.view import write_view
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+needs_libraries = pytest.mark.skipif(
+    not libraries(), reason="libjs-three and libjs-dygraphs are not installed"
+)
+
+
+class Content(html.parser.HTMLParser):
+    """Pictures, text and data of a page; refuses what is not in the page itself."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.images, self.text, self.data = 0, "", {}
+        self._inside: str | None = None
+        self.feed(path.read_text())
+
+    def handle_starttag(self, tag: str, attributes: Any) -> None:
+        values = dict(attributes)
+        for key in ("src", "href"):
+            assert values.get(key, "data:").startswith("data:"), values
+        self.images += tag == "img"
+        self._inside = (values.get("id") or "code") if tag == "script" else None
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside = None
+
+    def handle_data(self, data: str) -> None:
+        if self._inside is None:
+            self.text += data
+        elif self._inside != "code":
+            self.data[self._inside] = json.loads(data)
+
+
+def numbers(text: str, kind: str) -> Any:
+    return np.frombuffer(base64.b64decode(text), dtype=f"<{kind}")
+
+
+@pytest.fixture(scope="module")
+def made(rack: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The rack, reduced, with a sweep and a load history beside it."""
+    folder = tmp_path_factory.mktemp("page")
+    run("reduce", "-body", rack, "-mor_tol", "1e-2", "-mor_out", folder / "rack.rom.h5")
+    sweep = ("-mor_sweep_hz", "10,500,21", "-mor_sweep_out", folder / "sweep.h5")
+    run("sweep", "-body", rack, *sweep)
+    t = np.linspace(0, 0.02, 201)
+    rows = "\n".join(f"{x:.6g},{1e3 * np.sin(600 * x):.6g}" for x in t)
+    (folder / "loads.csv").write_text(f"t,upper.fx\n{rows}\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def content(made: Path) -> Content:
+    words = ["report", made / "rack.rom.h5", "--sweep", made / "sweep.h5", "--loads"]
+    assert main([*map(str, words), str(made / "loads.csv"), "-o", str(made / "r.html")]) == 0
+    return Content(made / "r.html")
+
+
+@needs_libraries
+def test_what_it_says(content: Content, made: Path) -> None:
+    for words in ("From 10 to 500 Hz the relative error", "Outside of this nothing is claimed",
+                  "once in six million", "12 / 12", "skipped", "buckens", "fx fy fz mx my mz",
+                  "moments of inertia", "-mor_tol 1e-2"):  # fmt: skip
+        assert words in content.text, words
+    assert (made / "r.html").stat().st_size < 5e6
+    assert content.images == 4  # Gramian, spectrum of the loads, largest stress, times
+
+
+@needs_libraries
+def test_responses_are_those_of_the_body(content: Content, made: Path) -> None:
+    data = content.data["chart-data"]
+    model = flexgram.ReducedModel.load(made / "rack.rom.h5")
+    hz, pairs = np.array(data["hz"]), data["pairs"]
+    assert len(pairs) == 144 and data["left_out"] == 0
+    reduced = numbers(data["reduced"], "f4").reshape(len(pairs), len(hz))
+    H = np.abs(model.transfer(2 * np.pi * hz))
+    full = numbers(data["full"], "f4").reshape(len(pairs), -1)
+    assert full.shape[1] == len(data["full_hz"]) == 21
+    for k in (0, 17, 143):
+        i, j = model.outputs.index(pairs[k]["output"]), model.inputs.index(pairs[k]["input"])
+        np.testing.assert_allclose(reduced[k], H[:, i, j], rtol=1e-6, atol=1e-9 * H.max())
+    assert pairs[0]["unit"] == "m/N"
+    at = np.interp(data["full_hz"], hz, reduced[0])
+    assert np.median(np.abs(at / full[0] - 1)) < 1e-2
+    error = data["error"]
+    assert error["labels"] == ["frequency", "certified bound", "error against the medium model",
+                               "tolerance"]  # fmt: skip
+    rows = np.array(error["rows"])
+    np.testing.assert_allclose(rows[:, 1], model.claim.bound, rtol=1e-12)
+    assert np.all(rows[:, 3] == 1e-2)
+
+
+@needs_libraries
+def test_motions_are_those_of_the_body(content: Content, made: Path, rack: Path) -> None:
+    data = content.data["scene-data"]
+    model = flexgram.ReducedModel.load(made / "rack.rom.h5")
+    geometry = Geometry.load(rack)
+    points = numbers(data["points"], "i2").reshape(-1, 3) * data["unit"]
+    centre = 0.5 * (geometry.points.max(axis=0) + geometry.points.min(axis=0))
+    where = points + centre
+    nearest = np.array([np.argmin(np.linalg.norm(geometry.points - x, axis=1)) for x in where])
+    assert np.abs(geometry.points[nearest] - where).max() < 1e-4 * data["size"]
+    assert data["simplified"] == 0 and numbers(data["triangles"], "u4").max() == len(points) - 1
+    hz, shapes = elastic_modes(model, len(data["motions"]))
+    motion = geometry.motion(model, shapes)[:, nearest]
+    assert len(data["motions"]) > 10
+    for k, one in enumerate(data["motions"]):
+        assert one["name"].endswith(f"{hz[k]:.5g} Hz")
+        drawn = numbers(one["values"], "i2").reshape(-1, 3) * one["unit"]
+        assert np.abs(drawn - motion[k]).max() < 1e-4 * np.abs(motion[k]).max()
+    marked = np.array(data["interfaces"]["upper"]["drawn"])
+    assert set(nearest[marked]) <= set(geometry.interfaces["upper"])
+    history = data["history"]
+    assert history["times"][0] == 0 and 0 < history["worst"] < len(history["times"])
+    stress = numbers(history["stress"], "u1").reshape(len(history["times"]), -1)
+    assert stress.shape[1] == len(points) and stress.max() == 255 and history["most"] > 1e5
+    assert stress[history["worst"]].max() == 255
+
+
+def test_without_the_libraries(
+    made: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Pictures that stand still, and a remedy."""
+    monkeypatch.setattr(report_module, "libraries", dict)
+    words = ["report", made / "rack.rom.h5", "--sweep", made / "sweep.h5", "-o", made / "s.html"]
+    assert main([*map(str, words)]) == 0
+    assert "apt install libjs-three libjs-dygraphs" in capsys.readouterr().out
+    page_ = Content(made / "s.html")
+    assert page_.images == 5 and not page_.data
+    monkeypatch.setattr("flexgram.pictures.view.libraries", dict)
+    with pytest.raises(BodyError, match="apt install libjs-three"):
+        write_view(made / "rack.rom.h5", made / "x.html")
+
+
+def test_fewer_triangles() -> None:
+    """A sphere: none above the limit, none twice, none without area; every node is one of the
+    sphere's, and none lies far from what it stands for."""
+    u, v = np.meshgrid(np.linspace(0.05, np.pi - 0.05, 150), np.linspace(0, 2 * np.pi, 150)[:-1])
+    points = np.stack([np.sin(u) * np.cos(v), np.sin(u) * np.sin(v), np.cos(u)], axis=-1)
+    index = np.arange(u.size).reshape(u.shape)
+    a, b = index[:, :-1], np.roll(index, -1, axis=0)[:, :-1]
+    c, d = np.roll(index, -1, axis=0)[:, 1:], index[:, 1:]
+    triangles = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
+    nodes, few = simplified(points.reshape(-1, 3), triangles, 5000)
+    assert 2500 < len(few) <= 5000
+    assert len(np.unique(np.sort(few, axis=1), axis=0)) == len(few)
+    corners = points.reshape(-1, 3)[nodes][few]
+    assert np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]),
+                          axis=1).min() > 0  # fmt: skip
+    assert np.abs(np.linalg.norm(corners.mean(axis=1), axis=1) - 1).max() < 0.02
+    same, all_of_them = simplified(points.reshape(-1, 3), triangles, len(triangles))
+    assert np.array_equal(same[all_of_them], triangles)
+
+
+def shown(path: Path, *flags: str) -> str:
+    """What headless Chromium makes of a page; what it says of errors."""
+    assert CHROMIUM is not None
+    command = [
+        CHROMIUM, "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader", "--hide-scrollbars", "--window-size=1200,900",
+        "--force-prefers-reduced-motion", "--virtual-time-budget=3000", "--enable-logging=stderr",
+        f"--user-data-dir={path.parent / 'profile'}", *flags, path.resolve().as_uri(),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert not (said := re.findall(r".*CONSOLE.*", done.stderr)), said
+    return done.stdout
+
+
+@needs_libraries
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_it_runs(content: Content, made: Path) -> None:
+    """Both scripts come to their end, without an error."""
+    dom = shown(made / "r.html", "--dump-dom")
+    assert dom.count('data-ready="yes"') == 2
+    assert "<canvas" in dom and 'class="dygraph-axis-label' in dom
+    assert re.search(r'class="told"[^>]*>t = [\d.e-]+ s, largest displacement', dom)
+
+
+@needs_libraries
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_the_picture_is_that_of_the_body(rack: Path, tmp_path: Path) -> None:
+    """The outline of the body in a screenshot, against triangles that are projected here."""
+    geometry = Geometry.load(rack)
+    geometry.interfaces = {}
+    scene = Scene.of(geometry)
+    text = page.document("rack", [page.viewer(scene)], {"scene-data": scene.data()})
+    (tmp_path / "r.html").write_text(text)
+    shown(tmp_path / "r.html", f"--screenshot={tmp_path / 'r.png'}")
+    picture = np.asarray(Image.open(tmp_path / "r.png").convert("RGB")).astype(int)
+    left, width, height = 41, 1118, 480
+    body = picture[:, left : left + width]
+    mask = (body.min(axis=2) < 245) & (body[..., 2] - body[..., 0] > 8)  # bluish: the material
+    x = scene.points - 0.5 * (scene.points.max(axis=0) + scene.points.min(axis=0))
+    out = np.array([1, -1.4, 0.8]) / np.linalg.norm([1, -1.4, 0.8])
+    radius = 0.5 * np.linalg.norm(np.ptp(scene.points, axis=0))
+    right = np.cross([0, 0, 1], out) / np.linalg.norm(np.cross([0, 0, 1], out))
+    up = np.cross(out, right)
+    depth = 3.9 * radius - x @ out
+    scale = 0.5 * height / np.tan(np.radians(15)) / depth
+    on = np.stack([0.5 * width + scale * (x @ right), 0.5 * height - scale * (x @ up)], axis=1)
+    expected_picture = Image.new("1", (width, height))
+    draw = ImageDraw.Draw(expected_picture)
+    for triangle in scene.triangles:
+        draw.polygon([tuple(p) for p in on[triangle]], fill=1)
+    expected = np.asarray(expected_picture)
+    best = 0.0
+    for top in range(picture.shape[0] - height):
+        part = mask[top : top + height]
+        best = max(best, (part & expected).sum() / (part | expected).sum())
+    assert best > 0.95
+
+
+@needs_libraries
+def test_view(made: Path, rack: Path, tmp_path: Path) -> None:
+    """Bodies, meshes and reduced bodies before and after reduction."""
+    run("view", rack, "-o", tmp_path / "body.html")
+    body = Content(tmp_path / "body.html")
+    assert "Mass 178.278 kg" in body.text and "upper" in body.text and "steel" in body.text
+    assert not body.data["scene-data"]["motions"]
+    mesh = box("tetra10", (4, 2, 2))
+    mesh.cell_sets = {"part": [np.arange(5)]}
+    meshio.write(tmp_path / "box.inp", mesh)
+    run("view", tmp_path / "box.inp", "-o", tmp_path / "mesh.html")
+    of_mesh = Content(tmp_path / "mesh.html")
+    assert all(name in of_mesh.text for name in ("part", "start", "end", "units of the mesh"))
+    assert set(of_mesh.data["scene-data"]["interfaces"]) == {"part", "start", "end"}
+    run("view", made / "rack.rom.h5", "-o", tmp_path / "rom.html")
+    assert set(Content(tmp_path / "rom.html").data) == {"scene-data", "chart-data"}
+    assert "no such file" in run("view", tmp_path / "none.h5", expect=1).err
+    (tmp_path / "a.txt").write_text("no mesh")
+    assert "a.txt" in run("view", tmp_path / "a.txt", expect=1).err
