@@ -323,8 +323,9 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
         text("%zu dependent dofs follow others, by equations and ties", dependent));
   model.turns_by_nodes =
       body.constraints.are_means() &&
-      std::none_of(body.masses.begin(), body.masses.end(),
-                   [](const auto& entry) { return is_beside(entry.second); });
+      std::none_of(body.masses.begin(), body.masses.end(), [](const auto& entry) {
+        return is_beside(entry.second) || entry.second.matrix;
+      });
   model.n = map.n;
   model.rows = map.rows;
   std::optional<Followers> followers(std::in_place, map, mesh);

@@ -42,8 +42,10 @@ void refuse_beside(const PointMass& mass) {
   if (mass.matrix)
     throw Error("a mass given by its matrix takes no spin: give its mass and inertia");
   if (is_beside(mass))
-    throw Error("a mass beside its node (offset) takes no spin: give it a node of its "
-                "own, in a rigid interface");
+    throw Error(
+        "a mass beside its node takes no spin: give that with an offset a node of "
+        "its own, in a rigid interface; of shells with lumped mass put the nodes "
+        "into the middle surface");
 }
 
 const Interface& find_interface(const BodyDescription& body, const std::string& name) {

@@ -3,6 +3,7 @@
 #include "base/error.hpp"
 #include "fem/discrete.hpp"
 #include "fem/lumped_mass.hpp"
+#include "fem/membrane.hpp"
 #include "fem/shell.hpp"
 #include "fem/shell_kinematics.hpp"
 #include "fem/vectors.hpp"
@@ -65,10 +66,14 @@ std::vector<PointMass> masses_of(const BodyDescription& body, const PlacedElemen
                                  const ElementMatrices& element) {
   const MeshBlock& block = at.block();
   std::vector<Vector3> arms;
-  if (is_shell(block.type) && body.shells.at(block.section).offset != 0) {
-    arms = ShellShape(block.type, at.x).normals;
-    for (Vector3& arm : arms)
-      for (double& x : arm) x *= body.shells.at(block.section).offset;
+  if (is_shell(block.type)) {
+    const Shell shell = shell_of(body, at);
+    const double height = shell.place.offset + shell.law.first / shell.law.mass;
+    if (shell.law.mass > 0 && height != 0) {
+      arms = ShellShape(surface_of(block.type), at.x).normals;
+      for (Vector3& arm : arms)
+        for (double& x : arm) x *= height;
+    }
   }
   return nodal_masses(element, node_count(block.type), arms);
 }
@@ -78,11 +83,11 @@ std::vector<PointMass> masses_of(const BodyDescription& body, const PlacedElemen
 void add_torsional_inertia(const BodyDescription& body, const PlacedElement& at,
                            ElementMatrices& element) {
   const BeamSection& section = body.sections.at(at.block().section);
-  if (!section.has_torsional_inertia) return;
   Vector3 axis;
   for (std::size_t c = 0; c < 3; ++c) axis[c] = at.x[1][c] - at.x[0][c];
   const double polar = (section.I_y + section.I_z) / section.A,
-               half = 0.5 * element.mass * polar / dot(axis, axis);
+               half = 0.5 * section.torsional_inertia * element.mass * polar /
+                      dot(axis, axis);
   for (const int end : {3, 9})
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
@@ -113,6 +118,8 @@ ElementMatrices consistent_matrices(const BodyDescription& body, const PlacedEle
   if (is_shell(block.type)) {
     Shell shell = shell_of(body, at);
     if (is_lumped(body, at)) shell.law.second = 0; // which is no share of a node
+    if (is_membrane(block.type))
+      return membrane_matrices(block.type, x, shell.law, shell.place, with_stiffness);
     return shell_matrices(block.type, x, shell.law, shell.place, with_stiffness);
   }
   const Material& material = body.materials.at(block.material);
@@ -143,6 +150,9 @@ Dense stiffness_of_material(const BodyDescription& body, const PlacedElement& at
   std::vector<bool> counts;
   for (const SectionLayer& layer : layers_of(body, block))
     counts.push_back(layer.material == material);
+  if (is_membrane(block.type))
+    return membrane_part_stiffness(block.type, x, shell.law,
+                                   part_of_law(shell.layers, counts), shell.place);
   return shell_part_stiffness(block.type, x, shell.law, part_of_law(shell.layers, counts),
                               shell.place);
 }
@@ -158,7 +168,7 @@ Dense spin_softening(const BodyDescription& body, const PlacedElement& at,
     return blocks_of(masses_of(body, at, element), [&](const PointMass& one) {
       return mass_spin_softening(one, axis);
     });
-  if (is_shell(block.type)) {
+  if (is_shell(block.type) && !is_membrane(block.type)) {
     const Shell shell = shell_of(body, at);
     return shell_spin_softening(block.type, x, shell.law, shell.place, axis);
   }
@@ -178,7 +188,7 @@ Dense coriolis(const BodyDescription& body, const PlacedElement& at,
   if (is_lumped(body, at) && dofs_per_node(block.type) == 6)
     return blocks_of(masses_of(body, at, element),
                      [&](const PointMass& one) { return mass_coriolis(one, axis); });
-  if (is_shell(block.type)) {
+  if (is_shell(block.type) && !is_membrane(block.type)) {
     const Shell shell = shell_of(body, at);
     return shell_coriolis(block.type, x, shell.law, shell.place, axis);
   }
@@ -257,8 +267,13 @@ StressStiffness stress_stiffness(const BodyDescription& body, const PlacedElemen
     if (free)
       throw Error("a temperature or a pretension acts on it, and shells take neither");
     const Shell shell = shell_of(body, at);
-    return shell_stress_stiffness(block.type, x, shell.layers, shell.place, u,
-                                  deformation);
+    if (!is_membrane(block.type))
+      return shell_stress_stiffness(block.type, x, shell.layers, shell.place, u,
+                                    deformation);
+    const StressStiffness six =
+        shell_stress_stiffness(surface_of(block.type), x, shell.layers, shell.place,
+                               with_rotations(u), deformation);
+    return {of_displacements(six.linear), of_displacements(six.quadratic)};
   }
   const Material& material = body.materials.at(block.material);
   if (block.type == ElementType::rod2)
@@ -279,7 +294,10 @@ Dense geometric_stiffness(const BodyDescription& body, const PlacedElement& at,
   const std::vector<Vector3>& x = at.x;
   if (is_shell(block.type)) {
     const Shell shell = shell_of(body, at);
-    return shell_geometric_stiffness(block.type, x, shell.law, shell.place, u);
+    if (!is_membrane(block.type))
+      return shell_geometric_stiffness(block.type, x, shell.law, shell.place, u);
+    return of_displacements(shell_geometric_stiffness(
+        surface_of(block.type), x, shell.law, shell.place, with_rotations(u)));
   }
   if (!is_discrete(block.type) && block.type != ElementType::beam2 &&
       block.type != ElementType::rod2)

@@ -25,6 +25,8 @@ enum class ElementType {
   wedge6_reduced,
   tri3,
   quad4,
+  membrane3,
+  membrane4,
   rod2,
   beam2,
   mass1,
@@ -77,7 +79,7 @@ std::array<double, 9> with_third(const std::array<double, 6>& axes);
 struct BeamSection {
   double A = 0, I_y = 0, I_z = 0, J = 0, k_y = 1, k_z = 1;
   Vector3 y_axis{0, 1, 0};
-  bool has_torsional_inertia = true; ///< where mass is lumped
+  double torsional_inertia = 1; ///< where mass is lumped: its share of that of all mass
 };
 
 struct BeamMaterial {
@@ -105,7 +107,8 @@ int node_count(ElementType type);
 int dofs_per_node(ElementType type);
 /// "tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "wedge", "triangle", "quad", "line":
 /// meshio's names; with another formulation "hexahedron/full" (without incompatible modes),
-/// "hexahedron20/reduced" (2×2×2 points), "wedge/reduced" (two points), "line/rod".
+/// "hexahedron20/reduced" (2×2×2 points), "wedge/reduced" (two points), "triangle/membrane",
+/// "quad/membrane", "line/rod".
 /// @throws Error listing the known ones.
 ElementType element_type(const std::string& name);
 const char* element_name(ElementType type);

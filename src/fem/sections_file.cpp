@@ -135,8 +135,7 @@ BeamSection read_section(const Hdf5File& file, const std::string& name) {
   }
   if (!is_rod) section.y_axis = fixed<double, 3>(file, object, "y_axis");
   if (file.has_attribute(object, "torsional_inertia"))
-    section.has_torsional_inertia =
-        file.number_attribute(object, "torsional_inertia") != 0;
+    section.torsional_inertia = file.number_attribute(object, "torsional_inertia");
   return section;
 }
 

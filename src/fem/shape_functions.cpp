@@ -244,8 +244,10 @@ std::vector<Point> points_of(ElementType type, bool mass) {
   case ElementType::wedge6_reduced:
     return wedge_points(mass ? 3 : 1, 2);
   case ElementType::tri3:
+  case ElementType::membrane3:
     return triangle_points(6);
   case ElementType::quad4:
+  case ElementType::membrane4:
     return gauss_square(2);
   case ElementType::rod2:
   case ElementType::beam2:
@@ -298,9 +300,11 @@ ShapePoint shape_at(ElementType type, const Vector3& xi, double weight) {
     wedge6(p);
     break;
   case ElementType::tri3:
+  case ElementType::membrane3:
     triangle3(p);
     break;
   case ElementType::quad4:
+  case ElementType::membrane4:
     quadrilateral4(p);
     break;
   case ElementType::rod2:

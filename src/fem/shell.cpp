@@ -2,6 +2,7 @@
 
 #include "base/error.hpp"
 #include "fem/condensation.hpp"
+#include "fem/membrane.hpp"
 #include "fem/shell_kinematics.hpp"
 #include "linalg/decompositions.hpp"
 
@@ -11,7 +12,7 @@
 
 namespace flexgram {
 bool is_shell(ElementType type) {
-  return type == ElementType::tri3 || type == ElementType::quad4;
+  return type == ElementType::tri3 || type == ElementType::quad4 || is_membrane(type);
 }
 
 namespace {

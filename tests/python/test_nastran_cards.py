@@ -40,7 +40,7 @@ def mpc(cards: str) -> str:
     ("text", "words"),
     [
         (plate("CGAP,90,9,10,20\nCGAP,91,9,10,20\n"), r"CGAP \(2\): not"),
-        (plate(prop="PSHELL,1,1,0.01\n"), "MID1 or MID2 is blank"),
+        (plate(prop="PSHELL,1,,0.01,1\n"), "property 1: its material is missing"),
         (plate(material="MAT1,1,-1.,,0.3,7850.\n"), "E must be positive"),
         (
             plate(

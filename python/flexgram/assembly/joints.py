@@ -275,6 +275,13 @@ def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
             f"{words}: they have no direction in common ({', '.join(first)} and "
             f"{', '.join(second)})"
         )
+    either = {d for d in "xyz" if d in first or d in second}
+    if not joint.directions and not own and joint.second != GROUND and either - set(wanted):
+        raise BodyError(
+            f"{words}: they have {', '.join(wanted)} in common, and one has no "
+            f"{', '.join(sorted(either - set(wanted)))} (it is held there, or that is no port): "
+            "name the directions that are meant"
+        )
     result = []
     for direction in wanted:
         if direction not in PORTS:

@@ -56,7 +56,10 @@ MIDDLES: dict[str, dict[frozenset[int], int]] = {
 }
 LINEAR = {"tetra10": "tetra", "hexahedron20": "hexahedron", "wedge15": "wedge"}
 #: Of shells.
-CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+CORNERS = {
+    **{"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4},
+    **{"triangle/membrane": 3, "quad/membrane": 4},
+}
 
 
 def faces_of(blocks: Sequence[tuple[str, Ints]], inside: NDArray[np.bool_] | None = None) -> Ints:

@@ -23,6 +23,7 @@ from flexgram.body.meshfile import (
     ALONE,
     FORMULATIONS,
     LABELS,
+    MEMBRANE,
     PYRAMIDS,
     SECOND_ORDER,
     SHELLS,
@@ -307,8 +308,13 @@ class MeshBody:
             if not np.linalg.norm(y_axis) > 0:
                 raise BodyError(f"{section.where}: y_axis = [0, 0, 0] has no direction")
             group.attrs["y_axis"] = y_axis
-            if section.get("torsional_inertia", True) is False:
-                group.attrs["torsional_inertia"] = 0
+            share = section.number("torsional_inertia", 1.0)
+            if not 0 <= share <= 1:
+                raise BodyError(
+                    f"{section.where}: torsional_inertia = {share:g} must be from 0 to 1, a share "
+                    "of that of all mass"
+                )
+            group.attrs["torsional_inertia"] = share
 
     def _write_interfaces(self) -> dict[str, dict[str, Any]]:
         """Write them; returns what is told of each."""
@@ -459,7 +465,8 @@ class MeshBody:
                         group["axes"] = axes
                     if axes is not None and kind in SHELLS:
                         expect_in_surface(self.points, nodes, axes, entry.where)
-                self.blocks.append((ROD if is_rod else kind, nodes))
+                flat = f"{kind}/{MEMBRANE}" if formulation == MEMBRANE else kind
+                self.blocks.append((ROD if is_rod else flat, nodes))
                 self.ids.append(group["ids"][:])
             if not solid:
                 kinds = {

@@ -24,11 +24,15 @@ LABELS = "flexgram:label"
 #: of solids (E, q, 6); NaN: the material's own.
 AXES = "flexgram:axes"
 SOLIDS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "wedge")
-#: Those of solids that have several, the usual one first.
+#: Of shells that resist stretching alone, whose nodes have no rotations.
+MEMBRANE = "membrane"
+#: Those of kinds that have several, the usual one first.
 FORMULATIONS = {
     "hexahedron": ("incompatible", "full"),
     "hexahedron20": ("full", "reduced"),
     "wedge": ("full", "reduced"),
+    "triangle": ("bending", MEMBRANE),
+    "quad": ("bending", MEMBRANE),
 }
 SHELLS = ("triangle", "quad")
 #: Shells that are divided into these (``second_order``).

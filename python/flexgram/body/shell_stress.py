@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints
-from flexgram.body.meshfile import SHELLS
+from flexgram.body.meshfile import MEMBRANE, SHELLS
 from flexgram.body.strain import deforming, extrapolation, rigid_interfaces, stiffness_of
 
 SIDES = ("top", "middle", "bottom")
@@ -88,7 +88,7 @@ def sheets_of(file: h5py.File) -> list[Sheet]:
     sheets = []
     for group in file["mesh/blocks"].values():
         kind, nodes = str(group.attrs["type"]), group["connectivity"][:]
-        if kind not in SHELLS:
+        if kind not in SHELLS or group.attrs.get("formulation") == MEMBRANE:
             continue
         deforms = deforming(nodes, follows)
         section = file["sections"][str(group.attrs["section"])].attrs

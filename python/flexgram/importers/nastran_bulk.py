@@ -140,7 +140,7 @@ class _Bulk:
             content["mass_integration"] = "lumped"
             self.deck.remarks.append(
                 "mass is lumped, as in Nastran without PARAM,COUPMASS,1: rotations of shells and "
-                "beams have none"
+                "CBAR have none"
             )
         if alone := sorted(self.elements.alone):
             content["nodes_alone"] = [self.deck.at(label) + 1 for label in alone]

@@ -29,12 +29,27 @@ RODS = ("CROD", "CONROD", "CTUBE")
 SPRINGS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2", "CBUSH")
 WEDGE = {"CPENTA6": "wedge"}
 #: Beginnings of cards that say nothing of K and M of the unloaded body: of loads and cases, of
-#: aeroelasticity, of optimisation, of heat, of what is asked for.
+#: aeroelasticity, of optimisation, of heat, of nonlinear steps, of what is asked for.
 PASSED = (
     *("PLOTEL", "EIG", "SET1", "SET3", "ASET", "QSET", "BSET", "CSET", "USET", "SUPORT", "FREQ"),
     *("TSTEP", "TABLED", "TABDMP", "TABRND", "DAREA", "RLOAD", "TLOAD", "DLOAD", "LOAD", "LSEQ"),
     *("FORCE", "MOMENT", "PLOAD", "GRAV", "ACCEL", "TEMP", "RFORCE", "SPCD", "SPCR", "ENDDATA"),
-    *("PARAM", "MDLPRM", "NLPARM", "NLPCI", "RANDPS", "RANDT", "DELAY", "DPHASE", "DTI", "SPOINT"),
+    *(
+        "MATS1",
+        "TABLES1",
+        "NLSTEP",
+        "NLCNTL",
+        "PARAM",
+        "MDLPRM",
+        "NLPARM",
+        "NLPCI",
+        "RANDPS",
+        "RANDT",
+        "DELAY",
+        "DPHASE",
+        "DTI",
+        "SPOINT",
+    ),
     *("AERO", "AE", "CAERO", "PAERO", "SPLINE", "FLUTTER", "FLFACT", "MKAERO", "TRIM", "GUST"),
     *("MONPNT", "DIVERG", "CSSCHD", "DESVAR", "DVPREL", "DVMREL", "DVCREL", "DRESP", "DCONSTR"),
     *("DCONADD", "DSCREEN", "DVGRID", "DOPTPRM", "DEQATN", "DLINK", "DTABLE", "DMIJ", "DMIK"),
@@ -91,7 +106,7 @@ READ = {
         "MPC",
         "MPCADD",
     ),
-    *("CDAMP1", "CDAMP2", "PDAMP"),
+    *("CDAMP1", "CDAMP2", "PDAMP", "DMI"),
     *("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S", "SPC", "SPC1", "SPCADD"),
     *("CTETRA", "CHEXA", "CPENTA", "CPYRAM", *SHELLS, *BEAMS, *RODS),
 }
@@ -193,8 +208,14 @@ class BulkDeck:
             if card not in READ | self.ignore and not card.startswith(PASSED)
         }
         if not any(case.startswith("TEMP") for case in self.cases()):
-            for card in [card for card in unknown if card.startswith(BY_TEMPERATURE)]:
+            cards = [card for card in unknown if card.startswith(BY_TEMPERATURE)]
+            for card in cards:
                 del unknown[card]
+            if cards:
+                self.remarks.append(
+                    f"{', '.join(cards)}: case control chooses no temperature, so materials are "
+                    "those without them"
+                )
         if unknown:
             said = ", ".join(f"{card} ({n})" for card, n in sorted(unknown.items()))
             raise BodyError(

@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.meshfile import AXES, LABELS
+from flexgram.body.meshfile import AXES, LABELS, MEMBRANE
 from flexgram.body.orientation import with_second
 from flexgram.importers.nastran import REORDER, SOLIDS
 from flexgram.importers.nastran_deck import BEAMS, RODS, SHELLS, SPRINGS, WEDGE, BulkDeck, named
@@ -109,7 +109,8 @@ class Elements:
             region = self._solid(number, element)
         elif kind in SHELLS:
             ours, region = SHELLS[kind], self._shell(number, element)
-            self.turning.update(nodes)
+            if "formulation" not in self.regions[region]:  # a membrane
+                self.turning.update(nodes)
         elif kind in BEAMS:
             self._beam(number, element)
             return None
@@ -147,7 +148,7 @@ class Elements:
 
     def _shell(self, number: int, element: Any) -> str:
         prop = element.pid_ref
-        corners = 3 if element.type.startswith("CTRI") else 4
+        corners, stretches = 3 if element.type.startswith("CTRI") else 4, False
         given = [getattr(element, f"T{k}", None) for k in range(1, corners + 1)]
         offset = float(element.zoffset or 0.0)
         if prop is not None and prop.type == "PSHELL":
@@ -155,7 +156,8 @@ class Elements:
             nsm = float(prop.nsm or 0.0)
             material = self.materials.of(prop.pid, prop.mid1_ref, nsm / t)
             section: dict[str, Any] = {"shape": "shell", "thickness": t, "offset": offset}
-            section |= self._apart(prop)
+            stretches = prop.mid1_ref is not None and prop.mid2 in (None, 0)  # alone
+            section |= {} if stretches else self._apart(prop)
             has_fibres = any(
                 card is not None and card.type in ("MAT2", "MAT8")
                 for card in (prop.mid1_ref, prop.mid2_ref, prop.mid3_ref)
@@ -191,11 +193,15 @@ class Elements:
                 element.type, number, f"needs a PSHELL or a PCOMP, it has {what}"
             )
         name += f"_z{offset:.9g}" if offset else ""
+        name += "_m" if stretches else ""
         if has_fibres:
             self.fibres[number] = self._fibres(number, element)
             name += "_f"
         self.sections[name] = section
-        return self._region(name, material, name)
+        self._region(name, material, name)
+        if stretches:
+            self.regions[name]["formulation"] = MEMBRANE
+        return name
 
     def _direction(self, axis: Floats) -> int:
         """The number of a direction, from 1."""
@@ -256,16 +262,18 @@ class Elements:
             section = beam_section(prop)
         except BodyError as error:
             raise self.deck.refuse(prop.type, prop.pid, str(error)) from None
+        y = v
         if turn := section.pop("turn", 0.0):
-            v = np.cos(turn) * v + np.sin(turn) * np.cross(along, v)
+            y = np.cos(turn) * v + np.sin(turn) * np.cross(along, v)
         if prop.mid_ref is not None and prop.mid_ref.type == "MAT1" and prop.mid_ref.e:
             section = sheared(section, beam_ratio(prop.mid_ref)[1])
-        name = f"p{prop.pid}_d{self._direction(v)}"
-        self.sections[name] = section | {"y_axis": v.tolist()}
-        if kind == "CBAR":
-            self.sections[name]["torsional_inertia"] = False
+        name = f"p{prop.pid}_d{self._direction(y)}"
+        self.sections[name] = section | {"y_axis": y.tolist()}
         with named(self.deck.path, f"{prop.type} {prop.pid}: its area is not understood"):
             A, nsm = float(np.ravel(prop.Area())[0]), float(np.ravel(prop.Nsm() or 0.0)[0])
+        structural = A * float(getattr(prop.mid_ref, "rho", None) or 0.0)
+        turns = structural / (structural + nsm) if kind == "CBEAM" and structural else 0.0
+        self.sections[name]["torsional_inertia"] = turns  # none of the mass beside its material's
         material = self.materials.of(prop.pid, prop.mid_ref, nsm / A, beam=True)
         region = self._region(name, material, name)
         axes = np.array([along, v, np.cross(along, v)])

@@ -206,7 +206,7 @@ class PointElements:
         elif mass.type in ("CMASS1", "CMASS2"):
             ends = [
                 (int(n), int(c or 0))
-                for n, c in zip(mass.node_ids, (mass.c1, mass.c2), strict=False)
+                for n, c in zip(mass.nodes, (mass.c1, mass.c2), strict=False)
                 if n
             ]
             if len(ends) != 1:

@@ -296,9 +296,10 @@ class Claim:
         )
         if len(self.excluded_poles):
             _, frequency, residue = self.excluded_poles.max(axis=0)
-            words += (
-                f", whose frequencies are right to {frequency:.0e} and residues to {residue:.0e}"
-            )
+            if frequency < 1:
+                words += f", whose frequencies are right to {frequency:.0e}"
+            if residue < 1:
+                words += f" and residues to {residue:.0e}"
         return words
 
     @property

@@ -65,5 +65,5 @@ def natural_modes(K: Floats, M: Floats) -> tuple[Floats, Floats]:
 
 
 def massless(K: Floats, M: Floats) -> int:
-    """How many directions have no mass, to rounding."""
-    return 0 if is_regular(M) else int(np.isinf(natural_modes(K, M)[0]).sum())
+    """How many directions have no mass, to rounding of M beside K."""
+    return int(np.isinf(natural_modes(K, M)[0]).sum())

@@ -411,7 +411,8 @@ class System:
             raise BodyError(
                 f"{light} of the {self.order} coordinates have no mass (scalar points, rotations "
                 "without inertia), so that there is no state space: condense them before the "
-                "reduction (Nastran OMIT, Guyan), or give them mass"
+                "reduction (Nastran OMIT, Guyan), or give them mass (where it is lumped: "
+                "PARAM,COUPMASS,1, or mass_integration: full)"
             )
         if not rates or set(rates) - set(RATES):
             raise BodyError(

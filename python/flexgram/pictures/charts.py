@@ -22,7 +22,10 @@ POINTS = 500
 def frequencies(model: ReducedBody) -> Floats:
     """Frequencies [rad/s] over all bands, and closer ones around lightly damped poles."""
     first, last = model.claim.bands[0, 0], model.claim.bands[-1, 1]
-    even: Floats = np.linspace(first, last, POINTS)
+    if first == last:
+        return np.array([first])
+    low = np.geomspace(max(first, 1e-3 * last), last, POINTS // 2)  # for a logarithmic axis
+    even: Floats = np.union1d(np.linspace(first, last, POINTS), low)
     try:
         poles = model.system.in_time().poles()
     except BodyError:  # those of loss factors
@@ -64,13 +67,19 @@ def responses(
         As ``page/charts.js`` reads it.
     """
     omega = frequencies(model)
-    H = np.abs(model.system.transfer(omega))
+    whole = None
+    if sweep is not None:
+        whole = read_sweep(sweep, model)
+        inside = (whole[0] >= omega[0]) & (whole[0] <= omega[-1])
+        omega = np.union1d(omega, whole[0][inside])  # to be compared at each of them
+    H = np.nan_to_num(np.abs(model.system.transfer(omega)), posinf=0.0)
     outputs, inputs = model.outputs, model.inputs
     for output, port in ports or []:
         if output not in outputs or port not in inputs:
             raise BodyError(
-                f"no port {output if output not in outputs else port}; there are "
-                f"{', '.join(inputs)}"
+                f"no output {output}; there are {', '.join(outputs)}"
+                if output not in outputs
+                else f"no port {port}; there are {', '.join(inputs)}"
             )
     wanted = [(outputs.index(output), inputs.index(port)) for output, port in ports or []]
     same = [(outputs.index(name), j) for j, name in enumerate(inputs) if name in outputs]
@@ -78,9 +87,7 @@ def responses(
     same.sort(key=lambda pair: (not is_force[pair[1]], -H[:, pair[0], pair[1]].max()))
     size = H.max(axis=0)
     strongest = [divmod(int(k), len(inputs)) for k in np.argsort(-size, axis=None)]
-    whole, box = None, None
-    if sweep is not None:
-        whole = read_sweep(sweep, model)
+    box = None
     if model.system.parameters:
         box = envelope(model, omega)
     each = len(omega) * (3 if box else 1) + (len(whole[0]) if whole else 0)
@@ -102,10 +109,10 @@ def responses(
         "full_hz": (whole[0] * HZ).tolist() if whole else [],
         "least": curves(box[0]) if box else None,
         "most": curves(box[1]) if box else None,
-        "bands": (model.claim.bands * HZ).tolist(),
+        "bands": (model.claim.bands * HZ).tolist() if np.isfinite(model.claim.supremum) else [],
         "excluded": (model.claim.excluded * HZ).tolist(),
-        "from": float(model.claim.bands[0, 0] * HZ),
-        "to": float(model.claim.bands[-1, 1] * HZ),
+        "from": float(model.claim.bands[0, 0] * HZ) * (0.95 if len(omega) == 1 else 1),
+        "to": float(model.claim.bands[-1, 1] * HZ) * (1.05 if len(omega) == 1 else 1),
         "error": errors(model),
     }
     return found
@@ -123,11 +130,29 @@ def errors(model: ReducedBody) -> dict[str, Any]:
     if claim.tolerance:
         constant = np.full(len(claim.omega), float(claim.tolerance))
         columns["tolerance"] = (constant, {"color": "#c0392b", "strokePattern": [8, 4]})
-    table = np.column_stack(
-        [claim.omega * HZ, *(np.maximum(values, 1e-17) for values, _ in columns.values())]
-    )
+    for name, values in (
+        ("rounding in it", claim.floor),
+        ("digits of K, beside it", claim.data_rounding),
+    ):
+        if len(values) == len(claim.omega) and np.any(values > 0):
+            columns[name] = (values, {"color": "#7a6a55", "strokePattern": [2, 3]})
+    columns = {name: of for name, of in columns.items() if np.isfinite(of[0]).any()}
+    if not len(claim.bound):  # samples, between which nothing is known
+        for name, (values, style) in columns.items():
+            if name != "tolerance":
+                points = {"drawPoints": True, "strokeWidth": 0, "pointSize": 3}
+                columns[name] = (values, style | points)
+    rows: list[tuple[float, list[Any]]] = [
+        (float(w), [float(max(x, 1e-17)) if np.isfinite(x) else None for x in of])
+        for w, *of in zip(
+            claim.omega * HZ, *(values for values, _ in columns.values()), strict=True
+        )
+    ]
+    for last, following in zip(claim.bands[:-1, 1], claim.bands[1:, 0], strict=True):
+        rows.append((float(0.5 * (last + following) * HZ), len(columns) * ["gap"]))
+    rows.sort(key=lambda row: row[0])
     return {
         "labels": ["frequency", *columns],
-        "rows": table.tolist() if columns else [],
+        "rows": [[hz, *of] for hz, of in rows] if columns else [],
         "series": {name: style for name, (_, style) in columns.items()},
     }

@@ -16,7 +16,7 @@ WITHOUT = (
     "the body to turn and the responses to zoom into: their libraries are not installed (Debian: "
     "apt install libjs-three libjs-dygraphs)"
 )
-SIDES = {"oblique": "1,-1.4,0.8", "x": "1,0,0", "y": "0,-1,0", "z": "0,-0.001,1"}
+SIDES = {"a corner": "1,-1.4,0.8", "x": "1,0,0", "y": "0,-1,0", "z": "0,-0.001,1"}
 
 
 def document(title: str, parts: Sequence[str], data: dict[str, Any] | None = None) -> str:
@@ -34,10 +34,9 @@ def document(title: str, parts: Sequence[str], data: dict[str, Any] | None = Non
     if data:
         known = libraries()
         styles.append(known["dygraph_style"])
-        scripts += [
-            f'<script type="application/json" id="{name}">{_inside(json.dumps(of))}</script>'
-            for name, of in data.items()
-        ]
+        for name, of in data.items():
+            text = _inside(json.dumps(of, allow_nan=False))
+            scripts.append(f'<script type="application/json" id="{name}">{text}</script>')
         code = []
         if "scene-data" in data:
             code += [known["three"], known["controls"]]
@@ -80,6 +79,12 @@ def viewer(scene: Scene, marked: str = "interfaces") -> str:
             f" Drawn with {len(scene.triangles):,} triangles of {scene.whole:,}: nodes that lie "
             "close together are one."
         )
+    drawn = ""
+    if scene.history is not None:
+        drawn = (
+            f" Of the load history {len(scene.history['times'])} of {scene.history['count']:,} "
+            "moments are drawn, the worst among them."
+        )
     return (
         '<section id="scene"><div class="tools">'
         f"<label{hidden}>motion <select>{''.join(options)}</select></label>"
@@ -87,14 +92,16 @@ def viewer(scene: Scene, marked: str = "interfaces") -> str:
         f'<label{hidden}>size <input class="size" type="range" min="0" max="3" step="0.05" '
         'value="1"></label>'
         f'<label><input class="names" type="checkbox" checked> {marked}</label>'
-        f"<span>look along {looks}</span></div>"
+        f"<span>seen from {looks}</span></div>"
         '<div class="view"></div>'
         '<div class="tools"><label hidden>moment <input class="moment" type="range" min="0" '
-        'value="0"></label><span class="told" aria-live="polite"></span></div>'
+        'value="0"></label></div><p class="told" aria-live="polite"></p>'
         '<div class="bar" hidden><span class="from"></span><i></i><span class="to"></span>'
-        '<span class="words"></span></div>'
+        '<span class="words"></span></div><noscript>Scripts are off: the body cannot be drawn.'
+        "</noscript>"
         '<p class="lead">Drag or use the arrow keys to turn, the wheel or + and - to zoom'
-        f"{', the space bar to play. Motions are enlarged' if moves else ''}.{few}</p></section>"
+        f"{', the space bar to play. Motions are enlarged' if moves else ''}.{few}{drawn}</p>"
+        "</section>"
     )
 
 
@@ -112,8 +119,14 @@ def charts(data: dict[str, Any], has_sweep: bool) -> str:
 
     left = ""
     if data["left_out"]:
-        left = f" Of the pairs of ports {len(data['pairs'])} are here (--port adds others)."
-    whose = "" if has_sweep else " A sweep of the full body (--sweep) is drawn beside it."
+        count = len(data["pairs"])
+        left = (
+            f" {count} of {count + data['left_out']} pairs of ports are in this page; --port "
+            "OUTPUT,INPUT adds one."
+        )
+    whose = "" if has_sweep else " --sweep FILE compares with the full body."
+    if data["excluded"]:
+        left += " Red: left out around undamped resonances."
     return (
         '<section id="charts"><div class="tools">'
         f'<label>output <select class="output">{choice(outputs, first["output"])}</select></label>'

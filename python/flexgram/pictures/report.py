@@ -55,12 +55,9 @@ def _has_stress(model: ReducedBody, body: str | Path | None) -> bool:
     return True
 
 
-def _stress(model: ReducedBody, t: Any, u: Any, body: str | Path | None) -> str:
+def _stress(answer: tuple[Any, ...], model: ReducedBody, body: str | Path | None) -> str:
     """The worst moment of a load history, from rest."""
-    part = without_rigid_modes(model)  # rigid motion strains nothing
-    t, u = evenly(t, u)
-    _, q = part.system.simulate(u, t)
-    peaks = stress_peaks(part, q, u, body)
+    part, t, u, q, peaks = answer
     words = words_of_stress(part, t, peaks, body)
     worst = peaks.von_mises.when
     claim = (
@@ -84,6 +81,8 @@ class _Page:
         self.left: list[str] = []
         self.data: dict[str, Any] = {}
         self.scene: Scene | None = None
+        self.natural: tables.NaturalModes | None = None
+        self._answer: tuple[Any, ...] | None = None
         self.is_live = bool(libraries())
         if not self.is_live:
             self.left.append(page.WITHOUT)
@@ -155,7 +154,7 @@ class _Page:
         ]
         if _has_stress(self.model, self.body):
             try:
-                parts.append(_stress(self.model, *history, self.body))
+                parts.append(_stress(self.answer(loads), self.model, self.body))
             except BodyError as error:
                 self.left.append(f"stress: {error}")
         return parts
@@ -169,33 +168,56 @@ class _Page:
         try:
             geometry = Geometry.load(body_of(self.model, self.body))
             scene = Scene.of(geometry)
-            hz, modes = figures.elastic_modes(self.model, min(scene.room, 24))
+            natural = self.natural = tables.NaturalModes.of(self.model)
+            hz, modes = natural.elastic(min(scene.room, 24))
             motion = geometry.motion(self.model, modes) if len(modes) else np.empty((0, 0, 3))
         except BodyError as reason:
             self.left.append(f"shapes: {reason}")
             return []
         for k, field in enumerate(motion):
-            scene.add_motion(f"mode {self.model.frame.rigid_modes + k + 1}, {hz[k]:.5g} Hz", field)
+            scene.add_motion(f"mode {natural.rigid + k + 1}, {hz[k]:.5g} Hz", field)
         if loads is not None:
-            self._add_history(scene, geometry, loads)
+            try:
+                self._add_history(scene, geometry, loads)
+            except BodyError as reason:
+                self.left.append(f"the load history in space: {reason}")
         self.scene = scene
         self.data["scene-data"] = scene.data()
         return ["<h2>The body</h2>", page.viewer(scene)]
 
+    def answer(self, loads: str | Path) -> tuple[Any, ...]:
+        """The elastic answer to a load history: the part of the body, t, u, q, and the peaks of the
+        stress or nothing.
+
+        Raises
+        ------
+        BodyError
+            Without a time domain, for a rigid body, or if the answer grows beyond all numbers.
+        """
+        if self._answer is None:
+            part = without_rigid_modes(self.model)
+            if not part.order:
+                raise BodyError("the body has no elastic coordinates")
+            t, u = evenly(*read_history(loads, self.model.inputs))
+            _, q = part.system.simulate(u, t)
+            if not np.all(np.isfinite(q)):
+                raise BodyError("the answer grows beyond all numbers: the body is unstable")
+            peaks = (
+                stress_peaks(part, q, u, self.body) if _has_stress(self.model, self.body) else None
+            )
+            self._answer = part, t, u, q, peaks
+        return self._answer
+
     def _add_history(self, scene: Scene, geometry: Geometry, loads: str | Path) -> None:
-        """The elastic answer to it at forty moments, with its stress if that is known."""
-        part = without_rigid_modes(self.model)
-        t, u = evenly(*read_history(loads, self.model.inputs))
-        _, q = part.system.simulate(u, t)
-        worst = int(np.argmax(np.einsum("ki,ij,kj->k", q, part.system.K, q, optimize=True)))
+        """The elastic answer at forty moments and the worst one, with its stress if known."""
+        part, t, u, q, peaks = self.answer(loads)
+        energy = np.einsum("ki,ij,kj->k", q, part.system.in_time().K, q, optimize=True)
+        worst = int(np.argmax(energy)) if peaks is None else int(peaks.von_mises.when)
         few = np.unique(np.append(np.linspace(0, len(t) - 1, 40).astype(int), worst))
         stress = None
-        if _has_stress(self.model, self.body):
-            try:
-                stress = von_mises(stress_at_nodes(part, q[few], self.body, u[few]))
-            except BodyError as reason:
-                self.left.append(f"stress over time: {reason}")
-        scene.set_history(t[few], geometry.motion(part, q[few]), stress)
+        if peaks is not None:
+            stress = von_mises(stress_at_nodes(part, q[few], self.body, u[few]))
+        scene.set_history(t[few], geometry.motion(part, q[few]), stress, len(t))
 
     def plan_and_modes(self) -> list[str]:
         """The modes, free and held; interfaces and mass; what was done."""
@@ -203,7 +225,7 @@ class _Page:
         drawn = len(self.scene.motions) if self.scene else 0
         return [
             "<h2>Modes of the reduced body</h2>",
-            tables.modes(self.model, drawn),
+            tables.modes(self.model, drawn, self.natural),
             tables.held(self.model),
             "<h2>Interfaces and mass</h2>",
             tables.interfaces(self.model, self.body),
@@ -285,6 +307,10 @@ def write_report(
     >>> write_report("rack.rom.h5", "rack.html")  # what could not be shown
     []
     """
+    if Path(output).suffix.lower() not in (".html", ".htm"):
+        raise BodyError(f"{output}: a report is a page: name it {Path(output).stem}.html")
+    if sweep is not None and not Path(sweep).exists():
+        raise BodyError(f"{sweep}: no such file")
     made = _Page(ReducedBody.load(rom), body)
     parts = [
         *made.head(Path(rom)),
@@ -296,8 +322,6 @@ def write_report(
         *made.times(),
     ]
     text = page.document(Path(rom).name, parts, made.data)
-    if Path(output).suffix.lower() not in (".html", ".htm"):
-        raise BodyError(f"{output}: a report is a page: name it {Path(output).stem}.html")
     with written_aside(output, rom, body, sweep, loads, measured) as place:
         place.write_text(text)
     return made.left

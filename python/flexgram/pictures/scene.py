@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from flexgram.model.geometry import Geometry
 #: Triangles that a page draws at most, and the bytes of its motions.
 TRIANGLES = 40_000
 BYTES = 1_600_000
+#: The largest stress, as the page has it; one more is where none is known.
+NO_STRESS = 254
 
 
 def packed(values: Any, kind: str) -> str:
@@ -151,7 +154,7 @@ class Scene:
         values, unit = as_shorts(field_of_nodes[self.nodes])
         self.motions.append({"name": name, "values": values, "unit": unit})
 
-    def set_history(self, times: Floats, motion: Floats, stress: Floats | None) -> None:
+    def set_history(self, times: Floats, motion: Floats, stress: Floats | None, count: int) -> None:
         """What the body does over time, at moments that a page can go through.
 
         Parameters
@@ -162,6 +165,8 @@ class Scene:
             Of the nodes of the geometry [m].
         stress : (k, N) array, optional
             Von Mises [N/m²]; NaN where there is none.
+        count : int
+            Moments of the whole history.
         """
         moved = motion[:, self.nodes]
         flat = moved.reshape(len(times), -1)
@@ -173,12 +178,15 @@ class Scene:
             "weights": (U[:, :rank] * s[:rank]).tolist(),
             "shapes": [{"values": values, "unit": unit} for values, unit in shapes],
             "largest": float(np.linalg.norm(moved, axis=2).max()),
+            "count": count,
         }
         sizes = np.linalg.norm(flat, axis=1)
         if stress is not None:
-            of_nodes = np.nan_to_num(stress[:, self.nodes])
+            known = np.isfinite(stress[:, self.nodes])
+            of_nodes = np.where(known, stress[:, self.nodes], 0.0)
             most = max(float(of_nodes.max()), 1e-300)
-            self.history["stress"] = packed(np.round(255 * of_nodes / most), "u1")
+            levels = np.where(known, np.round(NO_STRESS * of_nodes / most), NO_STRESS + 1)
+            self.history["stress"] = packed(levels, "u1")
             self.history["most"] = most
             sizes = of_nodes.max(axis=1)
         self.history["worst"] = int(np.argmax(sizes))
@@ -191,7 +199,7 @@ class Scene:
         place = {int(node): k for k, node in enumerate(self.nodes)}
         shown = {}
         for name, nodes in self.interfaces.items():
-            if len(nodes) >= self.count:  # all of it
+            if not 0 < len(nodes) < self.count:  # none, or all of it
                 continue
             drawn = [place[int(n)] for n in nodes if int(n) in place]
             at = self.positions[name] - centre
@@ -232,4 +240,7 @@ def libraries(folder: Path = Path("/usr/share/javascript")) -> dict[str, str]:
     }
     if not all((folder / file).exists() for file in files.values()):
         return {}
-    return {name: (folder / file).read_text() for name, file in files.items()}
+    return {  # without the addresses of their sources
+        name: re.sub(r"(//|/\*)# sourceMappingURL=\S+( \*/)?", "", (folder / file).read_text())
+        for name, file in files.items()
+    }

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import html
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import h5py
 import numpy as np
@@ -21,23 +21,27 @@ from flexgram.model.reduced import ReducedBody
 def sentence(model: ReducedBody) -> str:
     """What is claimed, and where nothing is."""
     claim = model.claim
-    hz = " and ".join(f"from {a:g} to {b:g} Hz" for a, b in claim.bands / (2 * np.pi))
+    hz = " and ".join(
+        f"from {a:g} to {b:g} Hz" if a < b else f"at {a:g} Hz" for a, b in claim.bands / (2 * np.pi)
+    )
     if not np.isfinite(claim.supremum):
         return f"Nothing is claimed of the error {hz}."
     asked = ""
     if claim.tolerance is not None:
         asked = f" The tolerance of {claim.tolerance:g} is {'met' if claim.met else 'not met'}."
+    size = "at most" if claim.kind.startswith("certified") else "about"
     return (
-        f"{hz[0].upper()}{hz[1:]} the relative error of the response is at most "
+        f"{hz[0].upper()}{hz[1:]} the relative error of the response is {size} "
         f"{claim.supremum:.1e} ({claim.label}).{asked} Outside of this nothing is claimed."
     )
 
 
 MEANING = (
-    "The bound holds at every frequency of the band, not at samples. It follows from the residual "
-    "of the equations of the full body, and is proved but for one constant: a bound of the "
-    "smallest eigenvalue by random vectors, which fails once in six million choices. What the mesh "
-    "and the material leave out of the real part is no part of it."
+    "The bound holds at every frequency of the band but for intervals that are named, not at "
+    "samples alone; of a body with parameters, for the values that are named. It follows from the "
+    "residual of the equations of the full body, and is proved but for one constant: a bound of "
+    "the smallest eigenvalue by random vectors, which is wrong with a chance of one in six "
+    "million. What the mesh and the material leave out of the real part is no part of it."
 )
 
 
@@ -50,19 +54,55 @@ def plan(facts: list[tuple[str, str]]) -> str:
     return f"<table>{''.join(rows)}</table>"
 
 
-def modes(model: ReducedBody, drawn: int = 0, most: int = 200) -> str:
+@dataclass(frozen=True)
+class NaturalModes:
+    """The modes that a page shows, with present values of parameters.
+
+    Attributes
+    ----------
+    model : ReducedBody
+        Without parameters.
+    omega : (m,) array
+        [rad/s]
+    shapes : (m, m) array
+        A column each, in generalised coordinates.
+    rigid : int
+        How many come first that are rigid.
+    """
+
+    model: ReducedBody
+    omega: Floats
+    shapes: Floats
+    rigid: int
+
+    @classmethod
+    def of(cls, model: ReducedBody) -> Self:
+        now = model.at() if model.system.parameters else model
+        squares, shapes = modes_of(now.system)
+        omega = np.sqrt(np.maximum(squares, 0))
+        largest = omega[np.isfinite(omega)].max(initial=0)
+        return cls(now, omega, shapes, int(np.sum(omega < 1e-6 * max(largest, 1e-300))))
+
+    def elastic(self, count: int) -> tuple[Floats, Floats]:
+        """Frequencies [Hz] and shapes (k, m) of the first elastic ones."""
+        chosen = np.flatnonzero(np.isfinite(self.omega))[self.rigid :][:count]
+        return self.omega[chosen] / (2 * np.pi), self.shapes[:, chosen].T
+
+
+def modes(
+    model: ReducedBody, drawn: int = 0, natural: NaturalModes | None = None, most: int = 200
+) -> str:
     """Frequencies, damping and effective masses; the first ``drawn`` elastic ones are buttons that
     show them."""
     by_parameter = sensitivities(model.system) if model.system.parameters else {}
-    model = model.at() if model.system.parameters else model
+    natural = natural or NaturalModes.of(model)
+    model, shapes, rigid = natural.model, natural.shapes, natural.rigid
     poles = replace(model.system, terms=()).poles()
     poles = poles[poles.imag >= 0]
-    squares, shapes = modes_of(model.system)
-    lost = losses(model.system, squares, shapes)
-    frequencies = np.sqrt(np.maximum(squares, 0)) if model.system.terms else model.modes
+    lost = losses(model.system, natural.omega**2, shapes)
+    frequencies = natural.omega if model.system.terms else model.modes
     masses = mode_shapes.effective_masses(model, shapes)
     rows = []
-    rigid = int(np.sum(frequencies < 1e-6 * max(frequencies.max(initial=0), 1e-300)))
     for j, omega in enumerate(frequencies[:most]):
         if j < rigid:
             rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>0</td><td>rigid</td></tr>")
@@ -127,7 +167,7 @@ def cards(model: ReducedBody) -> str:
     notes = claim.shortfall, claim.words_of_data
     cards = [
         (
-            f"{claim.supremum:.1e}",
+            f"{claim.supremum:.1e}" if np.isfinite(claim.supremum) else "not known",
             f"largest relative error over the band, {claim.label}"
             + kinds
             + "".join(f"; {said}" for said in notes if said),

@@ -39,7 +39,9 @@ def write_view(path: str | Path, output: str | Path) -> None:
     if not libraries():
         raise BodyError(page.WITHOUT)
     path = Path(path)
-    is_body = path.exists() and h5py.is_hdf5(path) and _is_body(path)
+    is_body = path.exists() and h5py.is_hdf5(path)
+    if is_body and not _has_mesh(path):
+        raise BodyError(f"{path}: it has no mesh to draw (a body of matrices, or a sweep)")
     geometry = Geometry.load(path) if is_body else _of_mesh(path)
     scene = Scene.of(geometry)
     words = _of_body(path) if is_body else ""
@@ -70,12 +72,14 @@ def write_view(path: str | Path, output: str | Path) -> None:
 
 
 def _middle(at: Any) -> str:
+    if not len(at):
+        return "none"
     return ", ".join(f"{x:.5g}" for x in np.round(np.mean(at, axis=0), 9) + 0.0)
 
 
-def _is_body(path: Path) -> bool:
+def _has_mesh(path: Path) -> bool:
     with errors_of(path), h5py.File(path) as file:
-        return "mesh/points" in file or "nodes" in file
+        return "mesh/points" in file or "geometry/blocks" in file
 
 
 def _of_body(path: Path) -> str:

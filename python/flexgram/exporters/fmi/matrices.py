@@ -146,7 +146,8 @@ class StateSpace:
                 if not np.linalg.norm(H - expected) <= 1e-6 * np.linalg.norm(expected):
                     raise BodyError(
                         "the body is too stiff beside what is soft in it for a state space in "
-                        "doubles: a smaller order or band"
+                        "doubles: a smaller order or band, or consistent mass if its own is "
+                        "lumped (mass_integration: full; PARAM,COUPMASS,1)"
                     )
             if not self.parameters:
                 break

@@ -11,7 +11,7 @@
     return new Float32Array(all.buffer);
   }
   function number(x) {
-    return x === 0 ? "0" : Math.abs(x) >= 1e-3 && Math.abs(x) < 1e4
+    return x === 0 ? "0" : Math.abs(x) >= 1e-3 && Math.abs(x) < 1e6
       ? Number(x.toPrecision(4)).toString() : x.toExponential(2);
   }
   const curves = {}; // "output|input" -> what is drawn of them
@@ -22,17 +22,19 @@
   const logarithmic = place.querySelector(".logarithmic");
 
   function rows(pair) {
-    const n = hz.length, m = data.full_hz.length, table = [];
+    const n = hz.length, m = data.full_hz.length, of = new Map();
     for (let i = 0; i < n; ++i) {
       const row = [hz[i], null, reduced[pair * n + i]];
       if (least) row.push(least[pair * n + i], most[pair * n + i]);
-      table.push(row);
+      of.set(hz[i], row);
     }
     for (let i = 0; full && i < m; ++i) {
-      const row = [data.full_hz[i], full[pair * m + i], null];
-      if (least) row.push(null, null);
-      table.push(row);
+      const row = of.get(data.full_hz[i]) || [data.full_hz[i], null, null];
+      if (least && row.length < 5) row.push(null, null);
+      row[1] = full[pair * m + i];
+      of.set(data.full_hz[i], row);
     }
+    const table = Array.from(of.values());
     return table.sort(function (a, b) { return a[0] - b[0]; });
   }
   function bands(canvas, area, graph) { /* nothing is claimed outside of these */
@@ -53,32 +55,42 @@
     return {
       x: { logscale: logarithmic.checked, axisLabelFormatter: number,
            valueFormatter: function (x) { return number(x) + " Hz"; } },
-      y: { axisLabelFormatter: number, valueFormatter: number, axisLabelWidth: 70 }
+      y: { axisLabelFormatter: number, valueFormatter: number, axisLabelWidth: 90 }
     };
   }
   const common = {
     logscale: true, legend: "always", labelsSeparateLines: false, connectSeparatedPoints: true,
     underlayCallback: bands, animatedZooms: false, strokeWidth: 1.6, highlightCircleSize: 3,
-    dateWindow: [data.from, data.to]
+    dateWindow: wanted()
   };
+  function wanted() { /* a logarithmic axis has no zero */
+    const first = hz.find(function (x) { return x > 0; });
+    return [logarithmic.checked ? Math.max(data.from, first) : data.from, data.to];
+  }
   let response = null;
   function redraw() {
     const pair = curves[output.value + "|" + input.value];
     const labels = ["frequency", "full body", "reduced"];
-    if (least) labels.push("least of any values", "most of any values");
+    if (least) labels.push("smallest over the parameters", "largest over the parameters");
     const words = place.querySelector(".unshown");
     words.hidden = pair !== undefined;
+    place.querySelector(".response").hidden = pair === undefined;
+    place.querySelector(".of-response").hidden = pair === undefined;
+    words.textContent = "This pair is not in the page: flexgram report --port " + output.value +
+      "," + input.value;
     if (pair === undefined) return;
     const series = {
       "full body": { color: "#444444", strokeWidth: 0, drawPoints: true,
                      pointSize: data.full_hz.length > 150 ? 1.5 : 3 },
       reduced: { color: "#0868ac" },
-      "least of any values": { color: "#e08214", strokePattern: [2, 3] },
-      "most of any values": { color: "#e08214", strokePattern: [2, 3] }
+      "smallest over the parameters": { color: "#e08214", strokePattern: [2, 3] },
+      "largest over the parameters": { color: "#e08214", strokePattern: [2, 3] }
     };
     const own = { file: rows(pair), labels: labels, series: series,
                   visibility: [Boolean(full), true].concat(least ? [true, true] : []),
-                  ylabel: "|H| [" + data.pairs[pair].unit + "]", axes: axes() };
+                  title: output.value + " from " + input.value, titleHeight: 20,
+                  ylabel: "|H| [" + data.pairs[pair].unit + "]", axes: axes(),
+                  drawPoints: hz.length === 1 };
     if (response) {
       response.updateOptions(own);
       return;
@@ -93,19 +105,26 @@
   const graphs = [response];
   const error = place.querySelector(".error");
   if (error && data.error.rows.length) {
-    graphs.push(new Dygraph(error, data.error.rows, Object.assign({}, common, {
+    const table = data.error.rows.map(function (row) { /* nothing is known between bands */
+      return row.map(function (x) { return x === "gap" ? NaN : x; });
+    });
+    graphs.push(new Dygraph(error, table, Object.assign({}, common, {
       labels: data.error.labels, axes: axes(), ylabel: "relative error", xlabel: "frequency [Hz]",
       series: data.error.series, labelsDiv: place.querySelector(".of-error")
     })));
-    Dygraph.synchronize(graphs[0], graphs[1], { zoom: true, selection: false, range: false });
+    Dygraph.synchronize(graphs[0], graphs[1], { zoom: true, selection: true, range: false });
   }
   logarithmic.addEventListener("change", function () {
-    graphs.forEach(function (graph) { graph.updateOptions({ axes: axes() }); });
-  });
-  place.querySelector(".whole").addEventListener("click", function () {
     graphs.forEach(function (graph) {
-      graph.updateOptions({ dateWindow: [data.from, data.to], valueRange: null });
+      graph.updateOptions({ axes: axes(), dateWindow: wanted(), valueRange: null });
     });
   });
+  function whole() {
+    graphs.forEach(function (graph) {
+      graph.updateOptions({ dateWindow: wanted(), valueRange: null });
+    });
+  }
+  place.querySelector(".whole").addEventListener("click", whole);
+  place.addEventListener("dblclick", function () { window.setTimeout(whole, 0); });
   place.dataset.ready = "yes";
 })();

@@ -33,14 +33,15 @@
   try {
     renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
   } catch (error) {
-    place.querySelector(".view").textContent = "This browser shows no WebGL.";
+    place.querySelector(".view").textContent =
+      "This browser cannot draw in space (WebGL is off).";
     return;
   }
   const view = place.querySelector(".view"), canvas = renderer.domElement;
   renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
   renderer.setClearColor(0xffffff);
   canvas.tabIndex = 0;
-  canvas.setAttribute("role", "img");
+  canvas.setAttribute("role", "application");
   canvas.setAttribute("aria-label", "the body; arrow keys turn it, + and - zoom, space plays");
   view.appendChild(canvas);
 
@@ -51,7 +52,8 @@
   controls.enableKeys = false;
   controls.addEventListener("change", draw);
   function look(direction) {
-    camera.position.copy(direction.normalize().multiplyScalar(3.9 * radius));
+    const wide = Math.min(1, view.clientWidth / view.clientHeight); // narrow screens: from farther
+    camera.position.copy(direction.normalize().multiplyScalar(3.9 * radius / wide));
     controls.target.set(0, 0, 0);
     controls.update();
   }
@@ -152,7 +154,11 @@
     return { all: all, most: most };
   }
   function paint(shares) {
-    for (let i = 0; i < count; ++i) colour(shares(i), colours.array, 3 * i);
+    for (let i = 0; i < count; ++i) {
+      const share = shares(i);
+      if (share < 0) colours.array.set([0.8, 0.8, 0.8], 3 * i);
+      else colour(share, colours.array, 3 * i);
+    }
     colours.needsUpdate = true;
   }
   function plain() {
@@ -177,6 +183,7 @@
       row.setAttribute("aria-pressed", String(row.dataset.motion === which));
     });
     phase = 0.25;
+    play.disabled = which === "rest";
     if (which === "rest") {
       moved(rest, 0);
       plain();
@@ -193,7 +200,7 @@
       told.textContent = data.motions[Number(which)].name;
       if (!slow) start();
     }
-    frame(0);
+    place_now();
   }
   function atMoment() {
     const k = Number(moment.value), field = new Float32Array(rest.length);
@@ -204,8 +211,11 @@
     moved(field, magnified() / (history.largest || 1));
     const own = amounts(field);
     if (history.stress) {
-      paint(function (i) { return history.stress[k * count + i] / 255; });
-      scaleBar("0", number(history.most / 1e6) + " MPa", "von Mises stress");
+      const at = k * count; // 255: none is known there
+      paint(function (i) {
+        return history.stress[at + i] === 255 ? -1 : history.stress[at + i] / 254;
+      });
+      scaleBar("0", number(history.most / 1e6) + " MPa", "von Mises stress; grey: not known");
     } else {
       paint(function (i) { return own.all[i] / (history.largest || 1); });
       scaleBar("0", number(1e3 * history.largest) + " mm", "displacement");
@@ -213,42 +223,52 @@
     told.textContent = "t = " + number(history.times[k]) + " s, largest displacement " +
       number(1e3 * own.most) + " mm";
   }
-  function frame(time) {
-    if (playing) {
-      const passed = Math.min((time - last) / 1000, 0.1);
-      last = time;
-      if (shown === "history") {
-        phase += passed * 12;
-        if (phase >= 1) {
-          moment.value = (Number(moment.value) + Math.floor(phase)) % history.times.length;
-          phase %= 1;
-          atMoment();
-        }
-      } else {
-        phase += 0.6 * passed;
-      }
-      window.requestAnimationFrame(frame);
-    }
+  function place_now() {
     if (shown !== "rest" && shown !== "history")
       moved(motions[Number(shown)], Math.sin(2 * Math.PI * phase) * magnified() / largest);
     draw();
+  }
+  let waiting = 0; // the frame that is asked for
+  function tick(time) {
+    waiting = 0;
+    if (!playing) return;
+    const passed = Math.min(Math.max((time - last) / 1000, 0), 0.1);
+    last = time;
+    if (shown === "history") {
+      phase += passed * 12;
+      if (phase >= 1) {
+        moment.value = (Number(moment.value) + Math.floor(phase)) % history.times.length;
+        phase %= 1;
+        atMoment();
+      }
+    } else {
+      phase += 0.6 * passed;
+    }
+    place_now();
+    ask();
+  }
+  function ask() {
+    if (!waiting) waiting = window.requestAnimationFrame(tick);
   }
   function start() {
     if (playing || shown === "rest") return;
     playing = true;
     last = window.performance.now();
     play.textContent = "pause";
-    window.requestAnimationFrame(frame);
+    told.setAttribute("aria-live", "off");
+    ask();
   }
   function stop() {
     playing = false;
     play.textContent = "play";
+    told.setAttribute("aria-live", "polite");
   }
   function draw() {
     renderer.render(scene, camera);
     const at = new THREE.Vector3();
     labels.forEach(function (one) {
       at.copy(one.mean).project(camera);
+      one.label.style.visibility = at.z < 1 ? "visible" : "hidden";
       one.label.style.left = (50 + 50 * at.x) + "%";
       one.label.style.top = (50 - 50 * at.y) + "%";
     });
@@ -265,7 +285,7 @@
   play.addEventListener("click", function () { if (playing) stop(); else start(); });
   size.addEventListener("input", function () {
     if (shown === "history") atMoment();
-    frame(0);
+    place_now();
   });
   moment.addEventListener("input", function () { stop(); atMoment(); draw(); });
   if (history) {
