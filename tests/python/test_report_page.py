@@ -143,8 +143,9 @@ def test_motions_are_those_of_the_body(content: Content, made: Path, rack: Path)
     history = data["history"]
     assert history["times"][0] == 0 and 0 < history["worst"] < len(history["times"])
     stress = numbers(history["stress"], "u1").reshape(len(history["times"]), -1)
-    assert stress.shape[1] == len(points) and stress.max() == 254 and history["most"] > 1e5
-    assert stress[history["worst"]].max() == 254
+    assert stress.shape[1] == len(points) and history["most"] > 1e5
+    worst = stress[history["worst"]]
+    assert worst[worst < 255].max() == 254  # 255: none is known
 
 
 def test_without_the_libraries(
@@ -306,7 +307,8 @@ def test_buttons_show_the_modes_of_their_rows(tmp_path: Path) -> None:
     motions = Content(tmp_path / "r.html").data["scene-data"]["motions"]
     assert len(rows) == len(motions) > 3
     for number, hz in rows:
-        assert motions[int(number)]["name"].endswith(f"{float(hz):.5g} Hz")
+        said = float(motions[int(number)]["name"].split(", ")[1].removesuffix(" Hz"))
+        assert said == pytest.approx(float(hz), rel=1e-4)
     now = flexgram.ReducedModel.load(tmp_path / "r.h5").at()
     assert float(rows[0][1]) == pytest.approx(now.modes[0] / (2 * np.pi), rel=1e-5)
 
