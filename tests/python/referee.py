@@ -401,7 +401,10 @@ def relative_error(
     mass = np.asarray(full.M).astype(LONG).sum()
     loads, motion = np.asarray(full.B).sum(axis=0), np.asarray(full.C).sum(axis=1)
     w, i = LONG(omega), np.clongdouble(1j)
-    rigid = np.outer(motion, loads) / (mass * (i * w * full.alpha - w * w))
+    shape = np.outer(motion, loads).astype(
+        np.clongdouble
+    )  # by a scalar alone NumPy 1 keeps doubles
+    rigid = shape / (mass * (i * w * full.alpha - w * w))
     bent = norm(H - rigid)
     r = reduced.rigid
     theirs = System(
