@@ -108,7 +108,7 @@ def test_a_lever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mesh.write(tmp_path / "lever.inp")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "lever.msh").write_text((tmp_path / "lever.inp").read_text())
-    command = shell("docs/bodies.md", "flexgram import lever.msh")
+    command = shell("docs/meshes.md", "flexgram import lever.msh")
     in_bash(command.replace("lever.msh", "lever.inp"), tmp_path)
     text = next(text for _, text in blocks("docs/python.md") if "import_mesh" in text)
     exec(text.replace("lever.msh", "lever.inp"), {"flexgram": flexgram})
@@ -173,7 +173,7 @@ PLANES = {"lip": 1, "seat": 2, "edge_of_sheet": 5, "bolts": 6, "end": 8}
 FACES = {"piston_face": (3, 5), "flange": (3, 4)}
 #: What is beside a block: of a page, by its first key.
 BESIDE: dict[tuple[str, str], Any] = {
-    ("docs/bodies.md", "regions"): {
+    ("docs/meshes.md", "regions"): {
         "materials": {
             "carbon": {"E1": 140e9, "E2": 10e9, "E3": 10e9, "nu12": 0.3, "nu13": 0.3, "nu23": 0.4}
             | {"G12": 5e9, "G13": 5e9, "G23": 3e9, "rho": 1600.0}
