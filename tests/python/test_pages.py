@@ -132,6 +132,39 @@ def test_a_blade(tmp_path: Path) -> None:
     assert (tmp_path / "campbell.png").exists() and (tmp_path / "blade400.rom.h5").exists()
 
 
+def test_questions(tmp_path: Path) -> None:
+    """Every command of the page, of a part of each kind."""
+    part(tmp_path, "part", ("foot", "eye"))
+    t = np.linspace(0, 0.1, 401)
+    rows = "".join(f"{x:.5g},{np.sin(3000 * x):.5g}\n" for x in t)
+    (tmp_path / "history.csv").write_text(f"t,eye.fx\n{rows}")
+    mesh = box("tetra10", (5, 2, 2), (100, 20, 20))
+    deck = meshio.Mesh(mesh.points, mesh.cells, point_sets=mesh.point_sets)
+    deck.write(tmp_path / "plain.inp")
+    nodes = (tmp_path / "plain.inp").read_text().replace("*NSET, NSET=end", "*NSET, NSET=END")
+    nodes = nodes.replace("*NSET, NSET=start", "*NSET, NSET=START")
+    nodes = re.sub(
+        r"\*ELEMENT, *TYPE=C3D10.*", "*ELEMENT, TYPE=C3D10, ELSET=ALL", nodes, flags=re.I
+    )
+    (tmp_path / "part.inp").write_text(
+        nodes + "*MATERIAL, NAME=S\n*ELASTIC\n210e9, 0.3\n*DENSITY\n7850.\n"
+        "*SOLID SECTION, ELSET=ALL, MATERIAL=S\n"
+    )
+    (tmp_path / "part.bdf").write_text(
+        "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\nGRID,1,,0.,0.,0.\nGRID,1207,,1.,0.,0.\n"
+        "CBAR,1,1,1,1207,0.,1.,0.\nPBAR,1,1,6.-4,4.5-8,2.-8,5.-8\nMAT1,1,2.1+11,,0.3,7850.\n"
+        "SPC1,1,123456,1\nENDDATA\n"
+    )
+    commands = [text for language, text in blocks("docs/questions.md") if not language]
+    assert len(commands) == 8
+    made = tmp_path / "part.h5"
+    kept = made.read_bytes()
+    for text in commands:
+        in_bash(text, tmp_path)
+        made.write_bytes(kept)  # others make files of that name
+    assert (tmp_path / "part.fmu").exists() and (tmp_path / "cb.rom.h5").exists()
+
+
 def test_a_crank_and_a_rod(tmp_path: Path) -> None:
     part(tmp_path, "crank", ("main", "pin"))
     part(tmp_path, "rod", ("big", "small"))
@@ -188,6 +221,7 @@ BESIDE: dict[tuple[str, str], Any] = {
         }
     },
     ("docs/loads.md", "loads"): {"supports": {"root": {"nodes": "start"}}},
+    ("docs/preload.md", "loads"): {"supports": {"root": {"nodes": "start"}}},
     ("docs/loads.md", "outputs"): {"supports": {"root": {"nodes": "bolts"}}},
     ("docs/rotors.md", "spin"): {"supports": {"root": {"nodes": "start"}}},
 }
