@@ -11,6 +11,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import h5py
 import meshio
 import numpy as np
 import pytest
@@ -311,6 +312,20 @@ def test_buttons_show_the_modes_of_their_rows(tmp_path: Path) -> None:
         assert said == pytest.approx(float(hz), rel=1e-4)
     now = flexgram.ReducedModel.load(tmp_path / "r.h5").at()
     assert float(rows[0][1]) == pytest.approx(now.modes[0] / (2 * np.pi), rel=1e-5)
+
+
+@needs_libraries
+def test_the_mesh_of_another_body(
+    made: Path, rack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with h5py.File(tmp_path / "other.h5", "w") as file, h5py.File(rack) as own:
+        for name in own:
+            own.copy(name, file)
+        file.attrs.update(own.attrs)
+        file["mesh/points"][...] = 2 * own["mesh/points"][:]
+    words = ["report", made / "rack.rom.h5", "--body", tmp_path / "other.h5", "-o"]
+    assert main([*map(str, words), str(tmp_path / "r.html")]) == 0
+    assert "left out shapes: the mesh is not that of the body" in capsys.readouterr().out
 
 
 @needs_libraries

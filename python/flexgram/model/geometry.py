@@ -108,6 +108,11 @@ class Geometry:
         shapes = np.atleast_2d(np.eye(model.order) if q is None else np.asarray(q, dtype=float))
         motion = np.zeros((len(shapes), len(self.points), 6))
         at, known = index_of(self.labels, basis.node)
+        away = np.abs(self.points[at[known]] - basis.position[known]).max(initial=0)
+        if away > 1e-6 * np.ptp(self.points, axis=0).max():
+            raise BodyError(
+                "the mesh is not that of the body that was reduced: nodes are elsewhere"
+            )
         motion[:, at[known], basis.component[known]] = basis.lift(shapes)[:, known]
         for reference, nodes in self.followers.values():
             six = _six(model, shapes, reference)
