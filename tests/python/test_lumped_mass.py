@@ -184,6 +184,21 @@ def test_frequencies_that_nastran_prints(tmp_path: Path) -> None:
     assert full.nnz > a["M"].nnz
 
 
+@pytest.mark.parametrize(("units", "length"), [("in-lbf-s", 0.0254), ("ft-lbf-s", 0.3048)])
+def test_pounds(units: str, length: float, tmp_path: Path) -> None:
+    """A body in inches or feet, with pounds of force, is that in metres."""
+    pound = 0.45359237 * 9.80665  # N
+    stress, density = pound / length**2, pound / length**4  # mass: pound s²/length
+    law = {"E": 2.1e11 / stress, "nu": 0.3, "rho": RHO / density}
+    mesh = box("hexahedron", (2, 1, 1))
+    plain = body(tmp_path, described("hexahedron"), mesh)
+    mesh.points /= length
+    content = described("hexahedron") | {"units": units, "materials": {"steel": law}}
+    ours = body(tmp_path, content, mesh)
+    for name in ("K", "M"):
+        assert abs(ours[name] - plain[name]).max() < 1e-12 * abs(plain[name]).max()
+
+
 def test_what_is_refused(tmp_path: Path) -> None:
     content = described("tetra") | {"mass_integration": "none"}
     with pytest.raises(BodyError, match=r"mass_integration .*full, reduced, lumped"):

@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+#: A pound-force [N].
+LBF = 4.4482216152605
 #: Factors that bring lengths, masses and forces to SI.
-UNITS = {"SI": (1.0, 1.0, 1.0), "mm-t-s": (1e-3, 1e3, 1.0), "mm-kg-s": (1e-3, 1.0, 1e-3)}
+UNITS = {
+    "SI": (1.0, 1.0, 1.0),
+    "mm-t-s": (1e-3, 1e3, 1.0),
+    "mm-kg-s": (1e-3, 1.0, 1e-3),
+    "in-lbf-s": (0.0254, LBF / 0.0254, LBF),
+    "ft-lbf-s": (0.3048, LBF / 0.3048, LBF),
+}
 
 #: What bodies are made of: rubber to diamond in the speed of sound [m/s], foam to osmium in density
 #: [kg/m³]; wide enough for what is only estimated.

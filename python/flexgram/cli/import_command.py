@@ -75,7 +75,7 @@ a body file, of the description of a mesh or of files of an FE code
   --support NAME=WHERE       nodes of a mesh that the ground holds
   --material NAME            of a mesh: steel, aluminium, titanium, cast-iron, or
                              E=210e9,nu=0.3,rho=7850
-  --units UNITS              of the files: SI [default], mm-t-s, mm-kg-s
+  --units UNITS              of the files: SI [default], mm-t-s, mm-kg-s, in-lbf-s, ft-lbf-s
   --alpha A, --beta B        damping αM + βK [1/s, s]
   --zeta RATIO,HZ,HZ         the same by a damping ratio at two frequencies: 1%,50,2000
   --eta ETA                  loss factor
@@ -214,7 +214,10 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="likewise: elements that have the same nodes count each; default: they are refused",
     )
-    parser.add_argument("--units", help="of the files: SI (default), mm-t-s, mm-kg-s")
+    parser.add_argument(
+        "--units",
+        help="of the files: SI (default), mm-t-s, mm-kg-s, in-lbf-s, ft-lbf-s (mass in slugs)",
+    )
     parser.add_argument(
         "--zeta",
         metavar="RATIO,HZ,HZ",

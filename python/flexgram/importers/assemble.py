@@ -249,7 +249,7 @@ def assemble_deck(
     interfaces : sequence of Interface
         As ``importers.parse`` reads them; node numbers and sets are those of the deck.
     units : str
-        Of the deck: ``SI``, ``mm-t-s`` or ``mm-kg-s``.
+        Of the deck: ``SI``, ``mm-t-s``, ``mm-kg-s``, ``in-lbf-s`` or ``ft-lbf-s``.
     step : int, optional
         Whose supports hold the body; default: those of the *FREQUENCY step, else of the first.
     alpha, beta, eta : float, optional

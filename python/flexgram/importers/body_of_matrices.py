@@ -41,7 +41,7 @@ def import_matrices(
         Where forces act, positions in the units of the deck. Couplings that the FE code condensed
         itself (CalculiX ``*RIGID BODY``) are kept as interfaces too.
     units : str
-        ``SI``, ``mm-t-s`` or ``mm-kg-s``: units of the matrices and the deck.
+        ``SI``, ``mm-t-s``, ``mm-kg-s``, ``in-lbf-s`` or ``ft-lbf-s``: of the matrices and the deck.
     alpha, beta, eta : float, optional
         Rayleigh coefficients [1/s], [s] and loss factor; default: those of the files.
     strict : bool

@@ -219,7 +219,7 @@ def import_mesh(
     interfaces : mapping, or sequence of Interface
         Name -> coupling and nodes, as on the command line: ``{"eye": "rigid NSET:eye"}``.
     units : str
-        Of the mesh: ``SI``, ``mm-t-s`` or ``mm-kg-s``.
+        Of the mesh: ``SI``, ``mm-t-s``, ``mm-kg-s``, ``in-lbf-s`` or ``ft-lbf-s``.
     alpha, beta, eta : float, optional
         Damping.
     loads, outputs : mapping, optional

@@ -53,7 +53,7 @@ def assemble_bulk(
     interfaces : sequence of Interface
         Beside those of RBE2 and RBE3; node numbers are those of grids.
     units : str
-        Of the deck: ``SI``, ``mm-t-s`` or ``mm-kg-s``.
+        Of the deck: ``SI``, ``mm-t-s``, ``mm-kg-s``, ``in-lbf-s`` or ``ft-lbf-s``.
     ignore : collection of str
         Cards to pass over though they say something of stiffness or mass.
 
