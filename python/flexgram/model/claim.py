@@ -296,10 +296,12 @@ class Claim:
         )
         if len(self.excluded_poles):
             _, frequency, residue = self.excluded_poles.max(axis=0)
-            if frequency < 1:
-                words += f", whose frequencies are right to {frequency:.0e}"
-            if residue < 1:
-                words += f" and residues to {residue:.0e}"
+            right = [
+                f"{what} are right to {error:.0e}"
+                for what, error in (("frequencies", frequency), ("residues", residue))
+                if error < 1
+            ]
+            words += f", whose {' and '.join(right)}" if right else ""
         return words
 
     @property

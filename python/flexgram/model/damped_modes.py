@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
 
 from flexgram.basics import Floats
@@ -77,3 +80,38 @@ def losses(system: System, squares: Floats, modes: Floats) -> Floats:
         own += np.diag(modes.T @ term.matrix @ modes) * term.law.at(omega).imag
     eta: Floats = own / np.maximum(np.abs(squares), 1e-300)
     return eta
+
+
+@dataclass(frozen=True)
+class NaturalModes:
+    """Natural modes of a reduced body, with present values of its parameters.
+
+    Attributes
+    ----------
+    model : ReducedBody
+        Without parameters.
+    omega : (m,) array
+        [rad/s]
+    shapes : (m, m) array
+        A column each, in generalised coordinates.
+    rigid : int
+        How many come first that are rigid.
+    """
+
+    model: ReducedBody
+    omega: Floats
+    shapes: Floats
+    rigid: int
+
+    @classmethod
+    def of(cls, model: ReducedBody) -> Self:
+        now = model.at() if model.system.parameters else model
+        squares, shapes = modes_of(now.system)
+        omega = np.sqrt(np.maximum(squares, 0))
+        largest = omega[np.isfinite(omega)].max(initial=0)
+        return cls(now, omega, shapes, int(np.sum(omega < 1e-6 * max(largest, 1e-300))))
+
+    def elastic(self, count: int) -> tuple[Floats, Floats]:
+        """Frequencies [Hz] and shapes (k, m) of the first elastic ones."""
+        chosen = np.flatnonzero(np.isfinite(self.omega))[self.rigid :][:count]
+        return self.omega[chosen] / (2 * np.pi), self.shapes[:, chosen].T

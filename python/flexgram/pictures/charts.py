@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, ComplexArray, Floats, errors_of
+from flexgram.basics import BodyError, Floats
 from flexgram.model.reduced import ReducedBody
-from flexgram.pictures.figures import HZ, envelope, unit_of
+from flexgram.pictures.figures import HZ, envelope, expect_ports, read_sweep, unit_of
 from flexgram.pictures.scene import packed
 
 #: Numbers that responses of a page hold at most.
@@ -39,22 +38,6 @@ def frequencies(model: ReducedBody) -> Floats:
     return found
 
 
-def read_sweep(sweep: Path, model: ReducedBody) -> tuple[Floats, ComplexArray]:
-    """Frequencies [rad/s] and H of a sweep file.
-
-    Raises
-    ------
-    BodyError
-        If its ports are others.
-    """
-    with errors_of(sweep), h5py.File(sweep) as file:
-        omega, H = file["omega"][:], file["H"][..., 0] + 1j * file["H"][..., 1]
-        names = [[str(x) for x in file["H"].attrs[k]] for k in ("inputs", "outputs")]
-    if names != [model.inputs, model.outputs]:
-        raise BodyError(f"{sweep}: its ports are not those of the reduced body")
-    return omega, H
-
-
 def responses(
     model: ReducedBody, sweep: Path | None = None, ports: list[tuple[str, str]] | None = None
 ) -> dict[str, Any]:
@@ -74,13 +57,7 @@ def responses(
         omega = np.union1d(omega, whole[0][inside])  # to be compared at each of them
     H = np.nan_to_num(np.abs(model.system.transfer(omega)), posinf=0.0)
     outputs, inputs = model.outputs, model.inputs
-    for output, port in ports or []:
-        if output not in outputs or port not in inputs:
-            raise BodyError(
-                f"no output {output}; there are {', '.join(outputs)}"
-                if output not in outputs
-                else f"no port {port}; there are {', '.join(inputs)}"
-            )
+    expect_ports(model, ports or [])
     wanted = [(outputs.index(output), inputs.index(port)) for output, port in ports or []]
     same = [(outputs.index(name), j) for j, name in enumerate(inputs) if name in outputs]
     is_force = [name.rpartition(".")[2].startswith("f") for name in inputs]
@@ -130,12 +107,12 @@ def errors(model: ReducedBody) -> dict[str, Any]:
     if claim.tolerance:
         constant = np.full(len(claim.omega), float(claim.tolerance))
         columns["tolerance"] = (constant, {"color": "#c0392b", "strokePattern": [8, 4]})
-    for name, values in (
-        ("rounding in it", claim.floor),
-        ("digits of K, beside it", claim.data_rounding),
+    for name, values, dashes in (
+        ("rounding in it", claim.floor, [2, 3]),
+        ("digits of K, beside it", claim.data_rounding, [10, 3, 2, 3]),
     ):
         if len(values) == len(claim.omega) and np.any(values > 0):
-            columns[name] = (values, {"color": "#7a6a55", "strokePattern": [2, 3]})
+            columns[name] = (values, {"color": "#7a6a55", "strokePattern": dashes})
     columns = {name: of for name, of in columns.items() if np.isfinite(of[0]).any()}
     if not len(claim.bound):  # samples, between which nothing is known
         for name, (values, style) in columns.items():

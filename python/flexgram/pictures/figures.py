@@ -14,11 +14,11 @@ import matplotlib.colors
 import numpy as np
 from matplotlib.figure import Figure  # not pyplot: the caller's backend stays the caller's
 from numpy.typing import ArrayLike
-from scipy.linalg import eigh
 
-from flexgram.basics import BodyError, Floats, errors_of, written_aside
+from flexgram.basics import BodyError, ComplexArray, Floats, errors_of, written_aside
 from flexgram.body.stress import von_mises
 from flexgram.model.campbell import Campbell
+from flexgram.model.damped_modes import NaturalModes
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
@@ -133,11 +133,8 @@ def transfer(
     full, hz = None, np.linspace(model.claim.band[0] * HZ, model.claim.band[1] * HZ, 800)
     inputs, outputs = model.inputs, model.outputs
     if sweep is not None:
-        with errors_of(sweep), h5py.File(sweep) as file:
-            hz, full = file["omega"][:] * HZ, file["H"][..., 0] + 1j * file["H"][..., 1]
-            names = [[str(x) for x in file["H"].attrs[k]] for k in ("inputs", "outputs")]
-        if names != [inputs, outputs]:
-            raise BodyError(f"{sweep}: its ports are not those of the reduced body")
+        omega, full = read_sweep(Path(sweep), model)
+        hz = omega * HZ
     H = model.system.transfer(hz / HZ)
     box = envelope(model, hz / HZ) if model.system.parameters else None
     if not ports:
@@ -149,14 +146,10 @@ def transfer(
         ]
         chosen = [i for i in kinds if i is not None] or [int(strongest[0])]
         ports = [(outputs[i], inputs[i]) for i in chosen]
+    expect_ports(model, ports)
     figure = Figure(figsize=(6.4, 2.9 * len(ports)), layout="constrained")
     panels = figure.subplots(len(ports), 1, squeeze=False, sharex=True)
     for axes, (output, port) in zip(panels.flat, ports, strict=True):
-        if output not in outputs or port not in inputs:
-            raise BodyError(
-                f"no port {output if output not in outputs else port}; there are "
-                f"{', '.join(inputs)}"
-            )
         i, j = outputs.index(output), inputs.index(port)
         if box is not None:
             axes.fill_between(
@@ -177,6 +170,31 @@ def transfer(
         axes.legend()
     panels[-1, 0].set(xlabel="frequency [Hz]")
     return figure
+
+
+def read_sweep(sweep: Path, model: ReducedBody) -> tuple[Floats, ComplexArray]:
+    """Frequencies [rad/s] and H of a sweep file.
+
+    Raises
+    ------
+    BodyError
+        If its ports are others.
+    """
+    with errors_of(sweep), h5py.File(sweep) as file:
+        omega, H = file["omega"][:], file["H"][..., 0] + 1j * file["H"][..., 1]
+        names = [[str(x) for x in file["H"].attrs[k]] for k in ("inputs", "outputs")]
+    if names != [model.inputs, model.outputs]:
+        raise BodyError(f"{sweep}: its ports are not those of the reduced body")
+    return omega, H
+
+
+def expect_ports(model: ReducedBody, ports: Sequence[tuple[str, str]]) -> None:
+    """Raise BodyError for pairs (output, input) that the body does not have."""
+    for output, port in ports:
+        if output not in model.outputs:
+            raise BodyError(f"no output {output}; there are {', '.join(model.outputs)}")
+        if port not in model.inputs:
+            raise BodyError(f"no port {port}; there are {', '.join(model.inputs)}")
 
 
 def envelope(model: ReducedBody, omega: Floats) -> tuple[Floats, Floats]:
@@ -291,14 +309,7 @@ def elastic_modes(model: ReducedBody, count: int) -> tuple[Floats, Floats]:
     >>> hertz.round(1)
     array([105.5, 176.6, 189. ])
     """
-    try:
-        K, M = model.system.K, model.system.M
-        squares, shapes = eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
-    except np.linalg.LinAlgError:
-        raise BodyError("the reduced M is singular: there are no modes to draw") from None
-    hz = np.sqrt(np.maximum(squares, 0)) * HZ
-    rigid = model.frame.rigid_modes
-    return hz[rigid:][:count], shapes[:, rigid:][:, :count].T
+    return NaturalModes.of(model).elastic(count)
 
 
 def shapes(model: ReducedBody, body: str | Path | None = None, count: int = 5) -> Figure:

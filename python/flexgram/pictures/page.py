@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from flexgram.basics import BodyError
 from flexgram.pictures.scene import Scene, libraries
 
 #: Styles and scripts of our own.
@@ -17,6 +18,12 @@ WITHOUT = (
     "apt install libjs-three libjs-dygraphs)"
 )
 SIDES = {"a corner": "1,-1.4,0.8", "x": "1,0,0", "y": "0,-1,0", "z": "0,-0.001,1"}
+
+
+def expect_name(output: str | Path) -> None:
+    """Raise BodyError for a page that is not named as one: it might be a file of another kind."""
+    if Path(output).suffix.lower() not in (".html", ".htm"):
+        raise BodyError(f"{output}: this is a page: name it {Path(output).stem}.html")
 
 
 def document(title: str, parts: Sequence[str], data: dict[str, Any] | None = None) -> str:

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from flexgram.basics import BodyError, written_aside
 from flexgram.body.stress import Stresses, von_mises
 from flexgram.measured import mode_shapes
+from flexgram.model.damped_modes import NaturalModes
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.recovery import stress_at_nodes, stress_peaks, words_of_stress
@@ -81,7 +82,7 @@ class _Page:
         self.left: list[str] = []
         self.data: dict[str, Any] = {}
         self.scene: Scene | None = None
-        self.natural: tables.NaturalModes | None = None
+        self.natural: NaturalModes | None = None
         self._answer: tuple[Any, ...] | None = None
         self.is_live = bool(libraries())
         if not self.is_live:
@@ -168,7 +169,7 @@ class _Page:
         try:
             geometry = Geometry.load(body_of(self.model, self.body))
             scene = Scene.of(geometry)
-            natural = self.natural = tables.NaturalModes.of(self.model)
+            natural = self.natural = NaturalModes.of(self.model)
             hz, modes = natural.elastic(min(scene.room, 24))
             motion = geometry.motion(self.model, modes) if len(modes) else np.empty((0, 0, 3))
         except BodyError as reason:
@@ -290,7 +291,8 @@ def write_report(
     sweep : str or Path, optional
         Sweep file of the full body with the same ports, to compare H with.
     ports : list of (output, input), optional
-        Transfer functions to draw; default: the strongest force and moment.
+        Transfer functions that come first; default: the strongest force and moment. The page has
+        as many others as it has room for.
     loads : str or Path, optional
         Load history (``flexgram.simulation.histories.read_history``): its spectrum, and what the
         claim says of the response to it.
@@ -307,8 +309,7 @@ def write_report(
     >>> write_report("rack.rom.h5", "rack.html")  # what could not be shown
     []
     """
-    if Path(output).suffix.lower() not in (".html", ".htm"):
-        raise BodyError(f"{output}: a report is a page: name it {Path(output).stem}.html")
+    page.expect_name(output)
     if sweep is not None and not Path(sweep).exists():
         raise BodyError(f"{sweep}: no such file")
     made = _Page(ReducedBody.load(rom), body)

@@ -17,7 +17,7 @@ from flexgram.model.geometry import Geometry
 TRIANGLES = 40_000
 BYTES = 1_600_000
 #: The largest stress, as the page has it; one more is where none is known.
-NO_STRESS = 254
+LARGEST_STRESS = 254
 
 
 def packed(values: Any, kind: str) -> str:
@@ -150,7 +150,7 @@ class Scene:
         return max(1, BYTES // (6 * max(len(self.nodes), 1)))
 
     def add_motion(self, name: str, field_of_nodes: Floats) -> None:
-        """A motion of all nodes of the geometry, (N, 3): drawn as large as a tenth of the body."""
+        """A motion of all nodes of the geometry, (N, 3): the page chooses how large it is drawn."""
         values, unit = as_shorts(field_of_nodes[self.nodes])
         self.motions.append({"name": name, "values": values, "unit": unit})
 
@@ -185,7 +185,7 @@ class Scene:
             known = np.isfinite(stress[:, self.nodes])
             of_nodes = np.where(known, stress[:, self.nodes], 0.0)
             most = max(float(of_nodes.max()), 1e-300)
-            levels = np.where(known, np.round(NO_STRESS * of_nodes / most), NO_STRESS + 1)
+            levels = np.where(known, np.round(LARGEST_STRESS * of_nodes / most), LARGEST_STRESS + 1)
             self.history["stress"] = packed(levels, "u1")
             self.history["most"] = most
             sizes = of_nodes.max(axis=1)
@@ -218,8 +218,6 @@ class Scene:
             "interfaces": shown,
             "motions": self.motions,
             "history": self.history,
-            "simplified": self.whole if self.whole > len(self.triangles) else 0,
-            "drawn": len(self.triangles),
         }
 
 

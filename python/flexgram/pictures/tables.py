@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import html
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import h5py
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from flexgram.basics import BodyError, Floats
 from flexgram.body.whole import mass_facts
 from flexgram.measured import mode_shapes
-from flexgram.model.damped_modes import losses, modes_of, sensitivities
+from flexgram.model.damped_modes import NaturalModes, losses, sensitivities
 from flexgram.model.geometry import body_of, interface_positions
 from flexgram.model.reduced import ReducedBody
 
@@ -52,41 +52,6 @@ def plan(facts: list[tuple[str, str]]) -> str:
         kind = ' class="skipped"' if name == "skipped" else ""
         rows.append(f"<tr{kind}><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>")
     return f"<table>{''.join(rows)}</table>"
-
-
-@dataclass(frozen=True)
-class NaturalModes:
-    """The modes that a page shows, with present values of parameters.
-
-    Attributes
-    ----------
-    model : ReducedBody
-        Without parameters.
-    omega : (m,) array
-        [rad/s]
-    shapes : (m, m) array
-        A column each, in generalised coordinates.
-    rigid : int
-        How many come first that are rigid.
-    """
-
-    model: ReducedBody
-    omega: Floats
-    shapes: Floats
-    rigid: int
-
-    @classmethod
-    def of(cls, model: ReducedBody) -> Self:
-        now = model.at() if model.system.parameters else model
-        squares, shapes = modes_of(now.system)
-        omega = np.sqrt(np.maximum(squares, 0))
-        largest = omega[np.isfinite(omega)].max(initial=0)
-        return cls(now, omega, shapes, int(np.sum(omega < 1e-6 * max(largest, 1e-300))))
-
-    def elastic(self, count: int) -> tuple[Floats, Floats]:
-        """Frequencies [Hz] and shapes (k, m) of the first elastic ones."""
-        chosen = np.flatnonzero(np.isfinite(self.omega))[self.rigid :][:count]
-        return self.omega[chosen] / (2 * np.pi), self.shapes[:, chosen].T
 
 
 def modes(

@@ -36,6 +36,7 @@ def write_view(path: str | Path, output: str | Path) -> None:
     --------
     >>> write_view("rack.h5", "body.html")
     """
+    page.expect_name(output)
     if not libraries():
         raise BodyError(page.WITHOUT)
     path = Path(path)
