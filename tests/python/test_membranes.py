@@ -156,7 +156,8 @@ def test_a_wing(ranks: int, tmp_path: Path) -> None:
     goland_final_test), to its digits; the others are near the published ones."""
     (tmp_path / "w.bdf").write_text(wing())
     tip = [parse("node", "tip=NODES:61")]
-    assemble_bulk(tmp_path / "w.bdf", tmp_path / "w.h5", tip)
+    facts = assemble_bulk(tmp_path / "w.bdf", tmp_path / "w.h5", tip)
+    assert any("is a membrane" in remark for remark in facts["remarks"])
     a = assembled(tmp_path / "a.h5", tmp_path / "w.h5", ranks)
     assert a["K"].shape == (180, 180)
     squares = np.sort(eigsh(a["K"], 4, a["M"], sigma=0, return_eigenvectors=False))

@@ -201,6 +201,7 @@ class Elements:
         self._region(name, material, name)
         if stretches:
             self.regions[name]["formulation"] = MEMBRANE
+            self.deck.remark("a PSHELL with MID2 blank or -1 is a membrane, under plane stress")
         return name
 
     def _direction(self, axis: Floats) -> int:
