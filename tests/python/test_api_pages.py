@@ -18,7 +18,7 @@ import pytest
 from programs.run_example import run_example
 
 import flexgram
-from conftest import ENVIRONMENT, PYTHON, ROOT
+from conftest import ENVIRONMENT, PYTHON, ROOT, run
 
 matplotlib.use("Agg")
 #: Examples that need another program's package.
@@ -79,6 +79,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     flexgram.import_body(place / "rack.yaml", place / "rack.h5")
     flexgram.import_body(place / "standing_rack.yaml", place / "standing.h5")
     flexgram.reduce(place / "rack.h5", (10, 500), 1e-3).save(place / "rack.rom.h5")
+    frequencies = ("-mor_sweep_hz", "50,450,9", "-mor_sweep_out", place / "rack.sweep.h5")
+    run("sweep", "-body", place / "rack.h5", *frequencies)
     flexgram.reduce(place / "standing.h5", (5, 300), 1e-2).save(place / "standing.rom.h5")
     t = np.linspace(0, 1, 401)
     rows = np.column_stack([t, 50 * np.sin(2 * np.pi * 20 * t) * np.sin(np.pi * t) ** 2])

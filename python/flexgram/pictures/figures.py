@@ -179,6 +179,13 @@ def read_sweep(sweep: Path, model: ReducedBody) -> tuple[Floats, ComplexArray]:
     ------
     BodyError
         If its ports are others.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> omega, H = read_sweep(Path("rack.sweep.h5"), rom)
+    >>> bool(np.abs(rom.transfer(omega) - H).max() < 1e-3 * np.abs(H).max())
+    True
     """
     with errors_of(sweep), h5py.File(sweep) as file:
         omega, H = file["omega"][:], file["H"][..., 0] + 1j * file["H"][..., 1]
@@ -189,7 +196,13 @@ def read_sweep(sweep: Path, model: ReducedBody) -> tuple[Floats, ComplexArray]:
 
 
 def expect_ports(model: ReducedBody, ports: Sequence[tuple[str, str]]) -> None:
-    """Raise BodyError for pairs (output, input) that the body does not have."""
+    """Raise BodyError for pairs (output, input) that the body does not have.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> expect_ports(rom, [("upper.fx", "lower.fx")])
+    """
     for output, port in ports:
         if output not in model.outputs:
             raise BodyError(f"no output {output}; there are {', '.join(model.outputs)}")
