@@ -1,32 +1,49 @@
 #include "linalg/accurate_inner.hpp"
 
 #include "base/index.hpp"
-#include "linalg/accurate_sum.hpp"
+#include "linalg/lanes.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 namespace flexgram {
 namespace {
 
-FLEXGRAM_FOR_EACH_PROCESSOR
-void add_products(const double* a, const double* b, std::ptrdiff_t n, AccurateSum* sum) {
-  AccurateSum here = *sum;
-  std::ptrdiff_t k = 0;
-  for (; k + AccurateSum::lanes <= n; k += AccurateSum::lanes)
-    here.add(*reinterpret_cast<const AccurateSum::Doubles*>(a + k),
-             *reinterpret_cast<const AccurateSum::Doubles*>(b + k));
-  if (k < n) {
-    AccurateSum::Doubles left{}, right{};
-    std::memcpy(&left, a + k, sizeof(double) * as_size(n - k));
-    std::memcpy(&right, b + k, sizeof(double) * as_size(n - k));
-    here.add(left, right);
+constexpr int lanes = AccurateSum<1>::lanes;
+
+/// What an accurate sum is between two stretches of rows.
+struct Sums {
+  double hi[lanes] = {}, lo[lanes] = {};
+};
+
+struct AddProducts {
+  template <int native>
+  [[gnu::always_inline]] static void run(const double* a, const double* b,
+                                         std::ptrdiff_t n, Sums* sums) {
+    AccurateSum<native> sum;
+    typename AccurateSum<native>::Numbers left, right;
+    sum.hi.load(sums->hi);
+    sum.lo.load(sums->lo);
+    std::ptrdiff_t k = 0;
+    for (; k + lanes <= n; k += lanes) {
+      left.load(a + k);
+      right.load(b + k);
+      sum.add(left, right);
+    }
+    if (k < n) {
+      double of_a[lanes] = {}, of_b[lanes] = {};
+      std::copy(a + k, a + n, of_a);
+      std::copy(b + k, b + n, of_b);
+      left.load(of_a);
+      right.load(of_b);
+      sum.add(left, right);
+    }
+    sum.hi.store(sums->hi);
+    sum.lo.store(sums->lo);
   }
-  *sum = here;
-}
+};
 
 AccurateDense rounded(const std::vector<long double>& values, int rows, int columns) {
   AccurateDense result{Dense(rows, columns), Dense(rows, columns)};
@@ -162,18 +179,18 @@ AccurateDense inner_accurately(const Block& x, const Block& y, const Block& rest
   const auto at = [rows](int i, int j) {
     return as_size(i) + as_size(j) * as_size(rows);
   };
-  std::vector<AccurateSum> parts(as_size(rows) * as_size(columns));
+  std::vector<Sums> parts(as_size(rows) * as_size(columns));
   {
     const Block::Access left(x), right(y);
     for (std::ptrdiff_t first = 0; first < n; first += together)
       for (int j = 0; j < columns; ++j)
         for (int i = 0; i < (upper ? j + 1 : rows); ++i)
-          add_products(left.column(i) + first, right.column(j) + first,
-                       std::min(together, n - first), &parts[at(i, j)]);
+          run_on_processor<AddProducts>(left.column(i) + first, right.column(j) + first,
+                                        std::min(together, n - first), &parts[at(i, j)]);
   }
   std::vector<long double> sums(parts.size(), 0.0L);
   for (std::size_t k = 0; k < parts.size(); ++k)
-    for (int l = 0; l < AccurateSum::lanes; ++l)
+    for (int l = 0; l < lanes; ++l)
       sums[k] += static_cast<long double>(parts[k].hi[l]) +
                  static_cast<long double>(parts[k].lo[l]);
   MPI_Allreduce(MPI_IN_PLACE, sums.data(), static_cast<int>(sums.size()), MPI_LONG_DOUBLE,

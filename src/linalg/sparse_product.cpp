@@ -2,22 +2,21 @@
 
 #include "base/event.hpp"
 #include "base/index.hpp"
-#include "linalg/accurate_sum.hpp"
+#include "linalg/lanes.hpp"
 
 #include <petscsf.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <new>
 #include <optional>
 
 namespace flexgram {
 namespace {
 
-constexpr int line = AccurateSum::lanes; ///< columns that fill a cache line
-constexpr int widest = 12;               ///< columns of a strip: two bodies' joints
+constexpr int line = AccurateSum<1>::lanes; ///< columns that fill a cache line
+constexpr int widest = 12;                  ///< columns of a strip: two bodies' joints
 
 /// CSR rows of one process's part of a matrix.
 struct Rows {
@@ -26,118 +25,89 @@ struct Rows {
   const PetscScalar* value = nullptr;
 };
 
-/// Sums in some columns side by side.
-template <int width>
-struct Sums {
-  typedef double Lane __attribute__((vector_size(width * sizeof(double)), aligned(8)));
-  [[gnu::always_inline]] void add(double a, const double* x) {
-    lane += a * *reinterpret_cast<const Lane*>(x);
-  }
-  [[gnu::always_inline]] void add(const Sums& other) { lane += other.lane; }
-  Lane lane{};
-};
-template <>
-struct Sums<12> {
-  [[gnu::always_inline]] void add(double a, const double* x) {
-    first.add(a, x);
-    rest.add(a, x + 8);
-  }
-  [[gnu::always_inline]] void add(const Sums& other) {
-    first.add(other.first);
-    rest.add(other.rest);
-  }
-  Sums<8> first;
-  Sums<4> rest;
-};
-
 /// Two sums: an addition waits for the one before it.
-template <int width>
-[[gnu::always_inline]] inline void add_row(Sums<width>& sum, const Rows& rows, PetscInt i,
-                                           const double* x) {
-  const auto at = [&](PetscInt k) {
-    return x + width * static_cast<std::ptrdiff_t>(rows.column[k]);
+template <class Sums>
+[[gnu::always_inline]] inline void add_row(Sums& sum, int width, const Rows& rows,
+                                           PetscInt i, const double* x) {
+  const auto add = [&](Sums & to, PetscInt k) __attribute__((always_inline)) {
+    Sums value, lanes;
+    value.fill(rows.value[k]);
+    lanes.load(x + width * static_cast<std::ptrdiff_t>(rows.column[k]));
+    to.add_product(value, lanes);
   };
-  Sums<width> odd;
+  Sums odd;
   PetscInt k = rows.start[i];
   for (; k + 1 < rows.start[i + 1]; k += 2) {
-    sum.add(rows.value[k], at(k));
-    odd.add(rows.value[k + 1], at(k + 1));
+    add(sum, k);
+    add(odd, k + 1);
   }
-  if (k < rows.start[i + 1]) sum.add(rows.value[k], at(k));
-  sum.add(odd);
+  if (k < rows.start[i + 1]) add(sum, k);
+  sum += odd;
 }
 
 /// y ← A_here x + A_away halo, x and halo row by row with `width` columns side by side.
 template <int width>
-[[gnu::always_inline]] inline void product(const Rows& here, const double* x,
-                                           const Rows& away, const double* halo,
-                                           double* y, PetscInt columns) {
-  for (PetscInt i = 0; i < here.count; ++i) {
-    Sums<width> sum;
-    add_row<width>(sum, here, i, x);
-    if (away.count > 0) add_row<width>(sum, away, i, halo);
-    double sums[as_size(width)];
-    std::memcpy(sums, &sum, sizeof sum);
-    for (PetscInt c = 0; c < columns; ++c)
-      y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
+struct PlainProduct {
+  template <int native>
+  [[gnu::always_inline]] static void run(const Rows* here, const double* x,
+                                         const Rows* away, const double* halo, double* y,
+                                         PetscInt columns) {
+    for (PetscInt i = 0; i < here->count; ++i) {
+      Lanes<width, native> sum;
+      add_row(sum, width, *here, i, x);
+      if (away->count > 0) add_row(sum, width, *away, i, halo);
+      double sums[as_size(width)];
+      sum.store(sums);
+      for (PetscInt c = 0; c < columns; ++c)
+        y[c * static_cast<std::ptrdiff_t>(here->count) + i] = sums[c];
+    }
   }
-}
+};
 
 /// The same in columns of eight with twice the digits; adds x_i² Σ_j (a_ij x_j)² to
 /// `spread`, and stores Σ_j (a_ij x_j)² of each row and what rounding y took off, unless
 /// `row_squares` or `rest` is null.
-FLEXGRAM_FOR_EACH_PROCESSOR
-void accurate_product_of_8(const Rows& here, const double* x, const Rows& away,
-                           const double* halo, double* y, PetscInt columns,
-                           double* spread, double* row_squares, double* rest) {
-  AccurateSum::Doubles spreads{};
-  for (PetscInt i = 0; i < here.count; ++i) {
-    AccurateSum sum;
-    const auto add = [&](const Rows& part, const double* from)
-        __attribute__((always_inline)) {
-      const auto* const lanes = reinterpret_cast<const AccurateSum::Doubles*>(from);
-      for (PetscInt k = part.start[i]; k < part.start[i + 1]; ++k)
-        sum.add(AccurateSum::Doubles{} + part.value[k], lanes[part.column[k]]);
-    };
-    add(here, x);
-    if (away.count > 0) add(away, halo);
-    const AccurateSum::Doubles mine = reinterpret_cast<const AccurateSum::Doubles*>(x)[i];
-    spreads += mine * mine * sum.squares;
-    const AccurateSum::Doubles total = sum.hi + sum.lo;
+struct AccurateProductOf8 {
+  template <int native>
+  [[gnu::always_inline]] static void
+  run(const Rows* here, const double* x, const Rows* away, const double* halo, double* y,
+      PetscInt columns, double* spread, double* row_squares, double* rest) {
+    using Sum = AccurateSum<native>;
+    using Numbers = typename Sum::Numbers;
+    Numbers spreads;
     double sums[line];
-    std::memcpy(sums, &total, sizeof total);
-    for (PetscInt c = 0; c < columns; ++c)
-      y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
-    const auto store = [&](const AccurateSum::Doubles& lanes, double* to) {
-      if (!to) return;
-      std::memcpy(sums, &lanes, sizeof lanes);
-      for (PetscInt c = 0; c < columns; ++c)
-        to[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
-    };
-    const AccurateSum::Doubles lost = (sum.hi - total) + sum.lo;
-    store(sum.squares, row_squares);
-    store(lost, rest);
+    for (PetscInt i = 0; i < here->count; ++i) {
+      Sum sum;
+      const auto add = [&](const Rows& part, const double* from)
+          __attribute__((always_inline)) {
+        for (PetscInt k = part.start[i]; k < part.start[i + 1]; ++k) {
+          Numbers value, lanes;
+          value.fill(part.value[k]);
+          lanes.load(from + line * static_cast<std::ptrdiff_t>(part.column[k]));
+          sum.add(value, lanes);
+        }
+      };
+      add(*here, x);
+      if (away->count > 0) add(*away, halo);
+      Numbers mine;
+      mine.load(x + line * static_cast<std::ptrdiff_t>(i));
+      spreads.add_product(mine * mine, sum.squares);
+      const Numbers total = sum.hi + sum.lo, lost = (sum.hi - total) + sum.lo;
+      const auto store = [&](const Numbers& lanes, double* to)
+          __attribute__((always_inline)) {
+        if (!to) return;
+        lanes.store(sums);
+        for (PetscInt c = 0; c < columns; ++c)
+          to[c * static_cast<std::ptrdiff_t>(here->count) + i] = sums[c];
+      };
+      store(total, y);
+      store(sum.squares, row_squares);
+      store(lost, rest);
+    }
+    spreads.store(sums);
+    for (PetscInt c = 0; c < columns; ++c) spread[c] += sums[c];
   }
-  double sums[line];
-  std::memcpy(sums, &spreads, sizeof spreads);
-  for (PetscInt c = 0; c < columns; ++c) spread[c] += sums[c];
-}
-
-FLEXGRAM_FOR_EACH_PROCESSOR
-void product_of_12(const Rows& here, const double* x, const Rows& away,
-                   const double* halo, double* y, PetscInt columns) {
-  product<12>(here, x, away, halo, y, columns);
-}
-FLEXGRAM_FOR_EACH_PROCESSOR
-void product_of_8(const Rows& here, const double* x, const Rows& away, const double* halo,
-                  double* y, PetscInt columns) {
-  product<8>(here, x, away, halo, y, columns);
-}
-FLEXGRAM_FOR_EACH_PROCESSOR
-void product_of_4(const Rows& here, const double* x, const Rows& away, const double* halo,
-                  double* y, PetscInt columns) {
-  product<4>(here, x, away, halo, y, columns);
-}
+};
 
 /// Read access to the rows of a SEQAIJ matrix.
 class RowsOf {
@@ -276,13 +246,19 @@ Block multiply(Mat a, const Block& x) {
     const int width = left <= 4 ? 4 : left <= 8 || (left > 12 && left <= 16) ? 8 : 12;
     columns = std::min<PetscInt>(width, left);
     const auto pack_in = width == 12 ? pack<12> : width == 8 ? pack<8> : pack<4>;
-    const auto product_of = width == 12  ? product_of_12
-                            : width == 8 ? product_of_8
-                                         : product_of_4;
+    const auto run = [&](auto product) {
+      run_on_processor<decltype(product)>(
+          &**local.here, static_cast<const double*>(strip.data()), &local.rest(),
+          static_cast<const double*>(from_others.data()), to.column(j), columns);
+    };
     pack_in(from.column(j), rows, columns, strip.data());
     local.fetch(width, strip.data(), from_others.data());
-    product_of(**local.here, strip.data(), local.rest(), from_others.data(), to.column(j),
-               columns);
+    if (width == 12)
+      run(PlainProduct<12>());
+    else if (width == 8)
+      run(PlainProduct<8>());
+    else
+      run(PlainProduct<4>());
   }
   return y;
 }
@@ -313,10 +289,10 @@ AccurateProduct multiply_accurately(Mat a, const Block& x, AccurateParts with) {
       const PetscInt columns = std::min<PetscInt>(line, x.columns() - j);
       pack<line>(from.column(j), rows, columns, strip.data());
       local.fetch(line, strip.data(), from_others.data());
-      accurate_product_of_8(**local.here, strip.data(), local.rest(), from_others.data(),
-                            to.column(j), columns, result.spread.data() + j,
-                            of_rows ? of_rows->column(j) : nullptr,
-                            rest ? rest->column(j) : nullptr);
+      run_on_processor<AccurateProductOf8>(
+          &**local.here, strip.data(), &local.rest(), from_others.data(), to.column(j),
+          columns, result.spread.data() + j, of_rows ? of_rows->column(j) : nullptr,
+          rest ? rest->column(j) : nullptr);
     }
     if (of_rows)
       for (double& s : of_rows->all()) s = std::sqrt(s);

@@ -2,8 +2,10 @@
 #include "examples.hpp"
 #include "linalg/accurate_inner.hpp"
 #include "linalg/decompositions.hpp"
+#include "linalg/lanes.hpp"
 #include "linalg/last_turn.hpp"
 
+#include <array>
 #include <random>
 
 using namespace flexgram;
@@ -63,6 +65,48 @@ TEST(Block, SparseProductsAreTheSameColumnByColumnInAnyCompany) {
     const Dense some = whole(multiply(a, block(n, columns, value)));
     for (std::size_t i = 0; i < some.data.size(); ++i)
       ASSERT_EQ(some.data[i], each.data[i]) << columns << " columns";
+  }
+}
+
+namespace {
+
+template <int native>
+std::array<double, 24> accurate_sums(const std::vector<double>& a,
+                                     const std::vector<double>& x) {
+  AccurateSum<native> sum;
+  typename AccurateSum<native>::Numbers left, right;
+  for (std::size_t k = 0; k < a.size(); k += 8) {
+    left.load(&a[k]);
+    right.load(&x[k]);
+    sum.add(left, right);
+  }
+  std::array<double, 24> all{};
+  sum.hi.store(&all[0]);
+  sum.lo.store(&all[8]);
+  sum.squares.store(&all[16]);
+  return all;
+}
+
+} // namespace
+
+TEST(Block, AccurateSumsAreTheSameInVectorsOfEachProcessor) {
+  std::vector<double> a, x;
+  for (int k = 0; k < 800; ++k) {
+    a.push_back(std::sin(k) * std::exp2(k % 90));
+    x.push_back(std::cos(3 * k) * std::exp2(k % 7));
+  }
+  const auto two = accurate_sums<2>(a, x);
+  EXPECT_EQ(accurate_sums<4>(a, x), two);
+  EXPECT_EQ(accurate_sums<8>(a, x), two);
+  for (std::size_t l = 0; l < 8; ++l) {
+    long double sum = 0, most = 0;
+    for (std::size_t k = l; k < a.size(); k += 8) {
+      const long double product = static_cast<long double>(a[k]) * x[k];
+      sum += product;
+      most += std::abs(product);
+    }
+    const long double found = static_cast<long double>(two[l]) + two[8 + l];
+    EXPECT_LT(std::abs(found - sum), 1e-17L * most); // of long double
   }
 }
 
