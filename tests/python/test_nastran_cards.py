@@ -50,8 +50,7 @@ def mpc(cards: str) -> str:
             "MAT8 2: beams have a MAT1",
         ),
         (mpc("MPC,5,50,0,1.0,80,1,-1.\n"), "MPC 5: grid 50 has no component 0"),
-        (plate("CMASS2,93,1.0,50,3,90,3\n"), "between two grids"),
-        (plate("CELAS2,93,1.0,50,3,90,3\n"), "its ends lie apart"),
+        (plate("CELAS2,93,1.0,50,3,90\n"), "grid 90 lacks its component"),
         ("BEGIN BULK\nPARAM,COUPMASS,1\nENDDATA\n", "no GRID"),
     ],
 )

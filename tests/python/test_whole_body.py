@@ -17,7 +17,8 @@ from conftest import body_system, message, run
 from flexgram import BodyError, ReductionWarning
 from flexgram.basics import check_name, shown
 from flexgram.body.description import import_description
-from flexgram.body.whole import free_motions, mass_facts
+from flexgram.body.free_motions import free_motions
+from flexgram.body.whole import mass_facts
 
 RHO = 7850.0
 

@@ -161,27 +161,6 @@ class Constraints:
         return [np.append(nodes, node) for node, nodes in pairs]
 
 
-def rigid_rows(constraints: Constraints, points: Floats, size: float) -> Floats:
-    """What six rigid motions (about the origin) do to each constraint, (E, 6): zero where they
-    fulfil it. Points and displacements are in units of ``size`` [m]."""
-
-    def moved(dofs: Ints) -> Floats:
-        """Of dofs, displacements in metres."""
-        rows = np.zeros((len(dofs), 6))
-        k, c = np.arange(len(dofs)), dofs[:, 1]
-        rows[k, c] = 1
-        shifts = np.flatnonzero(c < 3)
-        k, c, x = k[shifts], c[shifts], points[dofs[shifts, 0]]
-        for step, sign in ((1, 1.0), (2, -1.0)):  # (e_a × x)_c, a the next direction or the last
-            rows[k, 3 + (c + step) % 3] = sign * x[np.arange(len(x)), (c + 3 - step) % 3]
-        rows[shifts] *= size
-        return rows
-
-    sums = constraints.sums(moved(constraints.independent).T).T
-    units: Floats = np.where(constraints.dependent[:, 1] < 3, size, 1.0)
-    return (moved(constraints.dependent) - sums) / units[:, None]
-
-
 def write_constraints(
     file: h5py.File,
     reader: Reader,

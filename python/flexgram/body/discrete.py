@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import h5py
@@ -137,7 +137,7 @@ def _mass_by_matrix(group: h5py.Group, entry: Reader, name: str, units: tuple[fl
     arms = np.array([1.0] * 3 + [units[0]] * 3)
     matrix = _of_motion(entry, "matrix", units[1] * np.outer(arms, arms), [])
     group.attrs["matrix"] = matrix.ravel()
-    group.attrs["mass"] = matrix.diagonal()[:3].mean()  # what is told of the whole body
+    group.attrs["mass"] = matrix.diagonal()[:3].min()  # what is told of the whole body
     group.attrs["inertia"] = np.r_[matrix.diagonal()[3:], 0.0, 0.0, 0.0]
     kg = ", ".join(f"{x:.6g}" for x in matrix.diagonal()[:3])
     return f"mass {name}: {kg} kg along the axes"
@@ -274,15 +274,3 @@ def joined_nodes(file: h5py.File) -> list[Ints]:
         first, second = (np.broadcast_to(end, (count, end.shape[1])) for end in ends)
         sets += list(np.concatenate([first, second], axis=1))
     return sets
-
-
-def held_by_springs(file: h5py.File) -> Iterable[tuple[Floats, Floats]]:
-    """Positions (k, 3) [m] and the 6×6 stiffness of each spring to ground."""
-    places = Places(file)
-    for spring in file.get("springs", {}).values():
-        if {"to_interface", "to_nodes"} & {
-            *spring.attrs,
-            *spring,
-        } or "stiffness" not in spring.attrs:
-            continue
-        yield places.positions(spring), np.reshape(spring.attrs["stiffness"], (6, 6))

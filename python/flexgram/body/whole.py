@@ -16,8 +16,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from flexgram.basics import BodyError, Floats, Ints
-from flexgram.body.constraints import Constraints, rigid_rows
-from flexgram.body.discrete import Places, held_by_springs
+from flexgram.body.constraints import Constraints
+from flexgram.body.discrete import Places
+from flexgram.body.free_motions import free_motions, springs_of
 from flexgram.body.meshfile import SHELLS
 from flexgram.body.terms import law_of
 from flexgram.body.units import UNITS, doubt
@@ -236,42 +237,6 @@ def mass_facts(file: h5py.File) -> MassFacts:
     return MassFacts(mass, centre, np.trace(about) * np.eye(3) - about)
 
 
-def free_motions(
-    points: Floats,
-    held: Sequence[tuple[Ints, list[int]]],
-    springs: Iterable[tuple[Floats, Floats]] = (),
-    constraints: Constraints | None = None,
-) -> int:
-    """How many of six rigid motions supports leave: nodes and the components that each holds,
-    springs to ground (positions, 6×6 stiffness), and constraints that they do not fulfil."""
-    centre = points.mean(axis=0) if len(points) else np.zeros(3)
-    size = max(float(np.ptp(points, axis=0).max(initial=0)), 1e-300)
-    rows = []
-    for nodes, components in held:
-        arms = (points[nodes] - centre) / size
-        for component in components:
-            row = np.zeros((len(nodes), 6))
-            row[:, component] = 1
-            if component < 3:
-                for axis in range(3):
-                    row[:, 3 + axis] = np.cross(np.eye(3)[axis], arms)[:, component]
-            rows.append(row)
-    for where, stiffness in springs:
-        values, vectors = np.linalg.eigh(stiffness)
-        stiff = vectors[:, values > 1e-12 * values.max(initial=0)].T  # (k, 6) directions
-        for arm in (where - centre) / size:
-            turned = np.array([np.cross(axis, arm) for axis in np.eye(3)])  # rows: θ_axis × arm
-            motion = np.block([[np.eye(3), turned.T], [np.zeros((3, 3)), np.eye(3)]])
-            rows.append(stiff @ motion)
-    if constraints is not None and len(constraints.dependent):
-        broken = rigid_rows(constraints, (points - centre) / size, size)
-        rows.append(broken[np.abs(broken).max(axis=1) > 1e-9])
-    if not sum(map(len, rows)):
-        return 6
-    values = np.linalg.svd(np.vstack(rows), compute_uv=False)
-    return 6 - int((values > 1e-9 * values[0]).sum())
-
-
 def doubts_of_units(file: h5py.File, system: str, extent: Floats) -> list[str]:
     """What speaks against the units in which the mesh and its materials were given."""
     length, mass, _ = UNITS[system]
@@ -303,7 +268,8 @@ def summary(file: h5py.File) -> list[str]:
         for group in file.get("supports", {}).values()
     ]
     constraints = Constraints.of(file)
-    free = free_motions(points, held, held_by_springs(file), constraints)
+    nodes_alone = np.ravel(file["mesh/alone/connectivity"][:]) if "mesh/alone" in file else None
+    free = free_motions(points, held, springs_of(file), constraints, nodes_alone)
     lines = [
         f"mass {facts.mass:.6g} kg, centre ({at}) m, inertia about it {inertia} kg m²",
         f"{free} of 6 rigid motions are free",

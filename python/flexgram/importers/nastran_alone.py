@@ -3,6 +3,8 @@ these."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from flexgram.importers.nastran_deck import SPRINGS, BulkDeck
 from flexgram.importers.nastran_elements import Elements
 
@@ -17,7 +19,10 @@ def grids_alone(deck: BulkDeck, elements: Elements) -> list[int]:
     for _, element in elements.later:
         if element.type in SPRINGS:
             given = element.nodes if hasattr(element, "nodes") else element.node_ids
-            joined |= {int(n) for n in given if n and int(n) not in references}
+            ends = [int(n) for n in given if n and int(n) in deck.model.nodes]
+            places = [deck.points[deck.at(n)] for n in ends]
+            apart = len(ends) == 2 and bool(np.any(places[0] != places[1]))
+            joined |= {n for n in ends if apart or n not in references}
     joined |= _with_masses(deck)
     known = set(map(int, deck.labels))
     return sorted((joined & known) - elements.used)

@@ -115,12 +115,13 @@ class _Bulk:
         if not elements.groups:
             raise BodyError(f"{path}: no solids, shells or beams")
         elements.take_alone(grids_alone(deck, elements))
-        self.points = PointElements(deck, elements)
+        elements.take_scalars()
+        self.equations = Equations(deck, elements)
+        self.points = PointElements(deck, elements, self.equations)
         for number, element in elements.later:
             self.points.add_spring(number, element)
         for number, mass in sorted(deck.model.masses.items()):
             self.points.add_mass(int(number), mass)
-        self.equations = Equations(deck, elements)
         self.rigid = RigidElements(deck, elements, self.points, self.equations)
         self.equations.arms()
         self.equations.read_mpc(self.rigid.references)
@@ -142,9 +143,11 @@ class _Bulk:
                 "mass is lumped, as in Nastran without PARAM,COUPMASS,1: rotations of shells and "
                 "CBAR have none"
             )
-        if alone := sorted(self.elements.alone):
-            content["nodes_alone"] = [self.deck.at(label) + 1 for label in alone]
-            hold_untouched(content, self.deck.points)
+        alone = [self.deck.at(label) + 1 for label in sorted(self.elements.alone)]
+        alone += [*self.elements.scalars.values(), *self.points.scalars.nodes]
+        if alone:
+            content["nodes_alone"] = alone
+            hold_untouched(content, self.elements.mesh().points)
         return content
 
     def number(self, entry: dict[str, Any]) -> None:

@@ -26,7 +26,10 @@ SHELLS = {
 }
 BEAMS = ("CBAR", "CBEAM")
 RODS = ("CROD", "CONROD", "CTUBE")
-SPRINGS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2", "CBUSH")
+SPRINGS = (
+    *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CDAMP1", "CDAMP2", "CDAMP3", "CDAMP4"),
+    "CBUSH",
+)
 WEDGE = {"CPENTA6": "wedge"}
 #: Beginnings of cards that say nothing of K and M of the unloaded body: of loads and cases, of
 #: aeroelasticity, of optimisation, of heat, of nonlinear steps, of what is asked for.
@@ -48,7 +51,6 @@ PASSED = (
         "DELAY",
         "DPHASE",
         "DTI",
-        "SPOINT",
     ),
     *("AERO", "AE", "CAERO", "PAERO", "SPLINE", "FLUTTER", "FLFACT", "MKAERO", "TRIM", "GUST"),
     *("MONPNT", "DIVERG", "CSSCHD", "DESVAR", "DVPREL", "DVMREL", "DVCREL", "DRESP", "DCONSTR"),
@@ -92,13 +94,14 @@ READ = {
         "PTUBE",
         "PELAS",
         "PBUSH",
-        "CELAS1",
-        "CELAS2",
-        "CBUSH",
+        "CSHEAR",
+        "PSHEAR",
         "CONM1",
         "CONM2",
         "CMASS1",
         "CMASS2",
+        "CMASS3",
+        "CMASS4",
         "PMASS",
         "RBE2",
         "RBE3",
@@ -106,9 +109,9 @@ READ = {
         "MPC",
         "MPCADD",
     ),
-    *("CDAMP1", "CDAMP2", "PDAMP", "DMI"),
+    *("PDAMP", "DMI", "SPOINT"),
     *("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S", "SPC", "SPC1", "SPCADD"),
-    *("CTETRA", "CHEXA", "CPENTA", "CPYRAM", *SHELLS, *BEAMS, *RODS),
+    *("CTETRA", "CHEXA", "CPENTA", "CPYRAM", *SHELLS, *BEAMS, *RODS, *SPRINGS),
 }
 
 
@@ -323,7 +326,7 @@ class BulkDeck:
 
     def property_of(self, number: int, element: Any) -> Any:
         """That of an element, or the element that holds its numbers itself."""
-        if element.type in ("CONROD", "CELAS2", "CDAMP2"):
+        if element.type in ("CONROD", "CELAS2", "CELAS4", "CDAMP2", "CDAMP4"):
             return element
         if element.pid_ref is None:
             raise self.refuse(element.type, number, "its property is missing")

@@ -58,12 +58,19 @@ class Elements:
         self.used: set[int] = set()  #: grids of elements
         self.turning: set[int] = set()  #: those of shells and beams, and those alone
         self.alone: set[int] = set()  #: grids of no element, which something else joins
+        self.scalars: dict[int, int] = {}  #: scalar points: their nodes, from 1
 
     def take_alone(self, grids: Iterable[int]) -> None:
         """Grids that no element has are nodes with six dofs too."""
         self.alone.update(grids)
         self.used |= self.alone
         self.turning |= self.alone
+
+    def take_scalars(self) -> None:
+        """Scalar points are the x of a node each."""
+        for label in sorted(map(int, self.deck.model.spoints)):
+            self.ends.append(self.deck.points.mean(axis=0))
+            self.scalars[label] = len(self.deck.points) + len(self.ends)
 
     def point(self, index: int) -> Floats:
         """Where a node is, a grid or the end of a beam."""
@@ -116,7 +123,8 @@ class Elements:
             return None
         elif kind in RODS:
             ours, region = "line", self._rod(number, element)
-        elif kind in SPRINGS:  # whose nodes are to be known first
+        elif kind in SPRINGS or kind == "CSHEAR":  # whose nodes are to be known first
+            self.used.update(nodes if kind == "CSHEAR" else ())
             return self.later.append((number, element))
         elif kind in self.deck.ignore:
             return

@@ -21,8 +21,10 @@ class Equations:
         self.deck, self.elements = deck, elements
         self.entries: dict[str, dict[str, Any]] = {}
 
-    def _row(self, label: int, component: int, factor: float) -> list[list[Any]]:
-        """Factor times a component (from 1) of a grid, along its own axes."""
+    def row(self, label: int, component: int, factor: float) -> list[list[Any]]:
+        """Factor times a component (from 1) of a grid, along its own axes, or a scalar point."""
+        if label in self.elements.scalars:
+            return [[self.elements.scalars[label], "x", factor]]
         axes = self.deck.axes(label)
         return row_along(self.deck.at(label) + 1, component - 1, factor, axes)
 
@@ -32,7 +34,7 @@ class Equations:
 
     def hold(self, label: int, components: Iterable[int]) -> None:
         """A support along axes of the grid."""
-        self._add("held_cd", [self._row(label, c, 1.0) for c in components])
+        self._add("held_cd", [self.row(label, c, 1.0) for c in components])
 
     def follow(self, name: str, label: int, reference: int, components: Iterable[int]) -> None:
         """Some components of a grid move as a rigid body with another that has rotations, or lies
@@ -101,7 +103,7 @@ class Equations:
         for c in sorted(int(digit) - 1 for digit in str(element.refc) if digit in "123456"):
             if c > 2 and reference not in self.elements.turning:
                 continue
-            terms = self._row(reference, c + 1, 1.0)
+            terms = self.row(reference, c + 1, 1.0)
             of_mean = np.linalg.solve(normal, own[c])
             for n, share in zip(nodes, shares, strict=True):
                 at_node = self.deck.at(n) + 1
@@ -126,14 +128,17 @@ class Equations:
         terms: list[list[Any]] = []
         rows = zip(card.node_ids, card.components, card.coefficients, strict=True)
         for label, component, factor in rows:
-            k = self.deck.at(int(label)) + 1
             c = int(str(component) or 0)
+            if int(label) in self.elements.scalars:
+                terms += self.row(int(label), c, float(factor))
+                continue
+            k = self.deck.at(int(label)) + 1
             if k in references:
                 why = f"grid {label} is that of {references[k]}, an interface"
             elif c not in range(1, 7) or (c > 3 and int(label) not in self.elements.turning):
                 why = f"grid {label} has no component {component}"
             else:
-                terms += self._row(int(label), c, float(factor))
+                terms += self.row(int(label), c, float(factor))
                 continue
             raise BodyError(f"{self.deck.path}: MPC {card.conid}: {why}")
         return terms

@@ -10,20 +10,25 @@ import numpy as np
 from flexgram.basics import Floats
 from flexgram.importers.nastran_deck import RODS, BulkDeck
 from flexgram.importers.nastran_elements import Elements
+from flexgram.importers.nastran_equations import Equations
+from flexgram.importers.nastran_scalars import Scalars
 from flexgram.importers.nastran_sections import rod_section
 
 
 class PointElements:
     """Entries of ``masses`` and ``springs`` of a description."""
 
-    def __init__(self, deck: BulkDeck, elements: Elements) -> None:
+    def __init__(self, deck: BulkDeck, elements: Elements, equations: Equations) -> None:
         self.deck, self.elements = deck, elements
         self.masses: dict[str, dict[str, Any]] = {}
         self.springs: dict[str, dict[str, Any]] = {}
+        self.scalars = Scalars(deck, elements, equations, self.springs, self.masses)
 
     def add_spring(self, number: int, element: Any) -> None:
         if element.type in RODS:
             self._torsion(number, element)
+        elif element.type == "CSHEAR":
+            self.scalars.panel(number, element)
         elif element.type == "CBUSH":
             self._bush(number, element)
         else:
@@ -44,22 +49,26 @@ class PointElements:
         self.springs[f"rod{number}"] = entry | {"stiffness": K.tolist()}
 
     def _scalar_spring(self, number: int, element: Any) -> None:
-        """CELAS and CDAMP, with numbers of their own (2) or of a property (1)."""
+        """CELAS and CDAMP, with numbers of their own (2, 4) or of a property (1, 3)."""
         source = self.deck.property_of(number, element)
         is_damper = element.type.startswith("CDAMP")
-        nodes = list(element.node_ids if is_damper else element.nodes)
-        ends = [
-            (int(n), int(c or 0))
-            for n, c in zip(nodes, (element.c1, element.c2), strict=False)
-            if n
-        ]
-        if any(not c for _, c in ends):
-            raise self.deck.refuse(element.type, number, "scalar points are not followed")
+        ends = self._ends(number, element)
+        if not ends:
+            return
+        if self.scalars.are_needed(ends):
+            terms, place = self.scalars.between(ends)
+            size = float(source.b if is_damper else source.k)
+            self.scalars.add(
+                f"{element.type.lower()}{number}",
+                terms,
+                place,
+                stiffness=0.0 if is_damper else size,
+                damping=size if is_damper else 0.0,
+                loss=0.0 if is_damper else float(getattr(source, "ge", 0.0) or 0.0),
+            )
+            return
         axes = np.kron(np.eye(2), self.deck.common_axes(element.type, number, [n for n, _ in ends]))
-        components = {c for _, c in ends}
-        if len(components) > 1:
-            raise self.deck.refuse(element.type, number, "it joins different components")
-        c = components.pop() - 1
+        c = ends[0][1] - 1
         of_motion = np.zeros((6, 6))
         of_motion[c, c] = float(source.b if is_damper else source.k)
         of_motion = axes.T @ of_motion @ axes
@@ -88,8 +97,11 @@ class PointElements:
                   if k}  # fmt: skip
         if len(losses) > 1:
             raise self.deck.refuse("PBUSH", prop.pid, "GE of its directions differ")
-        of_motion = [both.T @ np.diag(x) @ both for x in (K, B)]
         loss = losses.pop() if losses else 0.0
+        if self._apart(nodes) and not set(nodes) <= self.elements.turning:
+            self.scalars.bush(number, nodes, both[:3, :3], {"K": K, "B": B, "loss": loss})
+            return
+        of_motion = [both.T @ np.diag(x) @ both for x in (K, B)]
         self._spring("CBUSH", number, nodes, of_motion[0], loss, of_motion[1])
 
     def _axes_of_bush(self, number: int, element: Any, nodes: list[int], across: bool) -> Floats:
@@ -133,21 +145,7 @@ class PointElements:
         loss: float,
         B: Floats | None = None,
     ) -> None:
-        """Between two grids in one place, or along the line between them; to ground."""
-        where = self.deck.points[[self.deck.at(n) for n in nodes]]
-        if len(nodes) == 2:
-            line = where[1] - where[0]
-            length = float(np.linalg.norm(line))
-            size = float(np.abs(self.deck.points).max())
-            arms = card == "CBUSH" and set(nodes) <= self.elements.turning
-            if length > 1e-9 * size and not arms:
-                along = np.concatenate([line / length, np.zeros(3)])
-                for of in (K, B if B is not None else 0 * K):
-                    off = of - (along @ of @ along) * np.outer(along, along)
-                    if np.abs(off).max() > 1e-9 * np.abs(of).max():
-                        raise self.deck.refuse(
-                            card, number, "its ends lie apart, and it is not along the line between"
-                        )
+        """Between two grids, or to ground."""
         if not (np.any(K) or (B is not None and np.any(B))):
             return
         entry: dict[str, Any] = {"nodes": [self.deck.at(nodes[0]) + 1]}
@@ -160,6 +158,21 @@ class PointElements:
         if loss:
             entry["loss_factor"] = loss
         self.springs[f"{card.lower()}{number}"] = entry
+
+    def _ends(self, number: int, element: Any) -> list[tuple[int, int]]:
+        """Grids and their components, scalar points and 0."""
+        nodes = element.nodes if hasattr(element, "nodes") else element.node_ids
+        components = (getattr(element, "c1", 0), getattr(element, "c2", 0))
+        ends = [(int(n), int(c or 0)) for n, c in zip(nodes, components, strict=False) if n]
+        for label, c in ends:
+            if label not in self.elements.scalars and not c:
+                raise self.deck.refuse(element.type, number, f"grid {label} lacks its component")
+        return ends
+
+    def _apart(self, nodes: Sequence[int]) -> bool:
+        where = self.deck.points[[self.deck.at(n) for n in nodes]]
+        size = float(np.abs(self.deck.points).max())
+        return len(nodes) == 2 and float(np.linalg.norm(where[1] - where[0])) > 1e-9 * size
 
     def add_mass(self, number: int, mass: Any) -> None:
         if mass.type != "CONM2":
@@ -203,17 +216,14 @@ class PointElements:
                 axes = np.asarray(mass.cid_ref.beta(), dtype=float)
             else:
                 raise self.deck.refuse("CONM1", number, "its axes (CID) are cylindrical")
-        elif mass.type in ("CMASS1", "CMASS2"):
-            ends = [
-                (int(n), int(c or 0))
-                for n, c in zip(mass.nodes, (mass.c1, mass.c2), strict=False)
-                if n
-            ]
-            if len(ends) != 1:
-                raise self.deck.refuse(mass.type, number, "between two grids it is not followed")
+        elif mass.type in ("CMASS1", "CMASS2", "CMASS3", "CMASS4"):
+            ends = self._ends(number, mass)
+            if len(ends) != 1 or ends[0][0] in self.elements.scalars:
+                terms, place = self.scalars.between(ends)
+                name = f"{mass.type.lower()}{number}"
+                self.scalars.add(name, terms, place, mass=wtmass * float(mass.Mass()))
+                return
             label, component = ends[0]
-            if not component:
-                raise self.deck.refuse(mass.type, number, "scalar points are not followed")
             M[component - 1, component - 1] = float(mass.Mass())
             axes = self.deck.axes(label)
         else:

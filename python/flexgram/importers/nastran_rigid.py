@@ -57,6 +57,10 @@ class RigidElements:
             else:
                 raise BodyError(f"{self.deck.path}: {card.type} is not followed")
             for n, components in pairs:
+                if n in self.elements.scalars:
+                    entry = {"nodes": [self.elements.scalars[n]], "components": ["x"]}
+                    self.supports[f"held_spoint{n}"] = entry
+                    continue
                 held.setdefault(n, set()).update(int(c) for c in components if c != "0")
         return held
 
@@ -64,6 +68,8 @@ class RigidElements:
         alike: dict[tuple[int, ...], list[int]] = {}
         lost: list[int] = []
         for label, components in held.items():
+            if label in self.elements.scalars:
+                continue
             if label not in self.elements.used:
                 lost.append(label)
                 continue
@@ -230,6 +236,7 @@ class RigidElements:
     def _attach(self) -> None:
         """Masses and springs at the grid of an RBE2 are its interface's; others need elements."""
         known = {self.deck.at(label) + 1 for label in self.elements.used}
+        known |= {*self.elements.scalars.values(), *self.points.scalars.nodes}
         for entries in (self.points.masses, self.points.springs):
             for name, entry in list(entries.items()):
                 for nodes, interface in (("nodes", "at"), ("to_nodes", "to")):

@@ -1,0 +1,190 @@
+"""How many rigid motions of a body its supports, springs and equations leave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import h5py
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from flexgram.basics import Floats, Ints
+from flexgram.body.constraints import Constraints
+from flexgram.body.discrete import Places
+
+#: Of a singular value, beside the largest: less is rounding.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class SpringAt:
+    """A spring that resists motion of its ends against each other, or against the ground.
+
+    Attributes
+    ----------
+    stiffness : (6, 6) array
+        Over displacements and rotations.
+    ends : sequence of (nodes, positions)
+        One or two: (k,) nodes from 0, -1 for the reference of an interface, and (k, 3) [m].
+    """
+
+    stiffness: Floats
+    ends: Sequence[tuple[Ints, Floats]]
+
+
+def springs_of(file: h5py.File) -> Iterable[SpringAt]:
+    """Those of a body file that have a stiffness."""
+    places = Places(file)
+    for spring in file.get("springs", {}).values():
+        if "stiffness" not in spring.attrs:
+            continue
+        ends = []
+        for prefix in ("", "to_"):
+            if f"{prefix}interface" in spring.attrs or f"{prefix}nodes" in spring:
+                where = places.positions(spring, prefix)
+                none = np.full(len(where), -1)
+                ends.append((np.asarray(spring.get(f"{prefix}nodes", none)), where))
+        yield SpringAt(np.reshape(spring.attrs["stiffness"], (6, 6)), ends)
+
+
+class _Motions:
+    """Motions of all nodes: six of the body as a whole, and six of each node that no element has.
+    Displacements are in units of the body's size."""
+
+    def __init__(self, points: Floats, alone: Ints) -> None:
+        self.centre = points.mean(axis=0) if len(points) else np.zeros(3)
+        self.size = max(float(np.ptp(points, axis=0).max(initial=0)), 1e-300)
+        self.own = np.full(len(points), -1)
+        self.own[alone] = 6 + 6 * np.arange(len(alone))
+        self.count = 6 + 6 * len(alone)
+        with_body = np.flatnonzero(self.own < 0)
+        arms = (points[with_body] - self.centre) / self.size
+        dofs = 6 * with_body[:, None] + np.arange(3)
+        rows, columns, values = [], [], []
+        for a in range(3):
+            turned = np.cross(np.eye(3)[a], arms)
+            rows += [dofs[:, a], 6 * with_body + 3 + a, dofs.ravel()]
+            columns += [np.full(len(arms), k) for k in (a, 3 + a)] + [np.full(dofs.size, 3 + a)]
+            values += [np.ones(len(arms)), np.ones(len(arms)), turned.ravel()]
+        mine = 6 * alone[:, None] + np.arange(6)
+        rows.append(mine.ravel())
+        columns.append(np.arange(6, self.count))
+        values.append(np.ones(mine.size))
+        where = (np.concatenate(rows), np.concatenate(columns))
+        self.of_dofs = sp.csr_matrix((np.concatenate(values), where), (6 * len(points), self.count))
+
+    def at(self, place: Floats, node: int = -1, of_node: Floats | None = None) -> Floats:
+        """Of a place, (6, count): as the whole body moves, or as a node alone moves it."""
+        found = np.zeros((6, self.count))
+        first, start = 0, self.centre
+        if node >= 0 and self.own[node] >= 0 and of_node is not None:
+            first, start = int(self.own[node]), of_node
+        found[:, first : first + 6] = np.eye(6)
+        arm = (place - start) / self.size
+        for a in range(3):
+            found[:3, first + 3 + a] = np.cross(np.eye(3)[a], arm)
+        return found
+
+
+def free_motions(
+    points: Floats,
+    held: Sequence[tuple[Ints, list[int]]],
+    springs: Iterable[SpringAt] = (),
+    constraints: Constraints | None = None,
+    alone: Ints | None = None,
+) -> int:
+    """How many of six rigid motions are left.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        [m]
+    held : sequence of (nodes, components)
+        Supports, from 0.
+    springs, constraints
+        Those of the body.
+    alone : int array
+        Nodes that no element has: they need not move with the body.
+    """
+    motions = _Motions(points, np.unique(np.asarray([] if alone is None else alone, dtype=int)))
+    rows = [
+        motions.of_dofs[(6 * np.asarray(nodes)[:, None] + np.array(components, int)).ravel()]
+        for nodes, components in held
+        if len(components)
+    ]
+    rows += [sp.csr_matrix(_resisted(motions, spring)) for spring in springs]
+    if constraints is not None and len(constraints.dependent):
+        rows.append(_constrained(motions, constraints, len(points)))
+    if not rows:
+        return 6
+    return 6 - _rank(_of_body(sp.vstack(rows, format="csr")))
+
+
+def _resisted(motions: _Motions, spring: SpringAt) -> Floats:
+    """What a spring's ends do along the directions in which it is stiff."""
+    values, vectors = np.linalg.eigh(spring.stiffness)
+    stiff = vectors[:, values > 1e-12 * values.max(initial=0)].T
+    rows = [np.zeros((0, motions.count))]
+    start, *rest = [(np.asarray(nodes), where) for nodes, where in spring.ends]
+    for k, place in enumerate(start[1]):
+        if not rest:
+            moved = motions.at(place, int(start[0][k]), place)
+        else:
+            nodes, where = rest[0]
+            other = min(k, len(where) - 1)
+            middle = (place + where[other]) / 2
+            moved = motions.at(middle, int(start[0][k]), place)
+            moved = moved - motions.at(middle, int(nodes[other]), where[other])
+        rows.append(stiff @ moved)
+    return np.vstack(rows)
+
+
+def _constrained(motions: _Motions, constraints: Constraints, count: int) -> sp.csr_matrix:
+    """What motions do to each constraint: zero where they fulfil it."""
+    equations, size = len(constraints.dependent), motions.size
+
+    def terms(row: Ints, dofs: Ints, factor: Floats) -> sp.csr_matrix:
+        lengths = np.where(dofs[:, 1] < 3, size, 1.0)
+        at = (row, 6 * dofs[:, 0] + dofs[:, 1])
+        return sp.csr_matrix((factor * lengths, at), (equations, 6 * count))
+
+    first = terms(np.arange(equations), constraints.dependent, np.ones(equations))
+    rest = terms(constraints.row, constraints.independent, constraints.factor)
+    units = sp.diags(1 / np.where(constraints.dependent[:, 1] < 3, size, 1.0))
+    found: sp.csr_matrix = units @ ((first - rest) @ motions.of_dofs)
+    return found
+
+
+def _of_body(rows: sp.csr_matrix) -> Floats:
+    """What rows say of the whole body's motions, whatever the nodes alone do."""
+    rows.data[np.abs(rows.data) < ROUNDING] = 0
+    rows.eliminate_zeros()
+    body, own = rows[:, :6].toarray(), rows[:, 6:].tocsc()
+    touched = np.flatnonzero(np.diff(own.indptr))
+    own = own[:, touched].tocsr()
+    free = np.diff(own.indptr) == 0
+    found = [body[free]]
+    count, group = connected_components(own.T @ own, directed=False)
+    of_row = np.full(rows.shape[0], -1)
+    of_row[~free] = group[own.indices[own.indptr[:-1][~free]]]
+    order = np.argsort(of_row, kind="stable")
+    starts = np.searchsorted(of_row[order], np.arange(count + 1))
+    columns = np.argsort(group, kind="stable")
+    ends = np.searchsorted(group[columns], np.arange(count + 1))
+    for k in range(count):
+        mine = order[starts[k] : starts[k + 1]]
+        block = own[mine][:, columns[ends[k] : ends[k + 1]]].toarray()
+        left, values, _ = np.linalg.svd(block)
+        rank = int((values > ROUNDING * values[0]).sum())
+        found.append(left[:, rank:].T @ body[mine])
+    result = np.vstack(found)
+    return result[np.abs(result).max(axis=1, initial=0) > ROUNDING]
+
+
+def _rank(rows: Floats) -> int:
+    if not len(rows):
+        return 0
+    values = np.linalg.svd(rows, compute_uv=False)
+    return int((values > ROUNDING * values[0]).sum())
