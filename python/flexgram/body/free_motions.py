@@ -180,7 +180,8 @@ def _of_body(rows: sp.csr_matrix) -> Floats:
         rank = int((values > ROUNDING * values[0]).sum())
         found.append(left[:, rank:].T @ body[mine])
     result = np.vstack(found)
-    return result[np.abs(result).max(axis=1, initial=0) > ROUNDING]
+    said: Floats = result[np.abs(result).max(axis=1, initial=0) > ROUNDING]
+    return said
 
 
 def _rank(rows: Floats) -> int:
