@@ -10,14 +10,17 @@ import h5py
 import meshio
 import numpy as np
 import pytest
+import scipy.linalg as sl
 from scipy.sparse.linalg import eigsh
 
 from bodies import box
-from conftest import assembled, read_sparse
+from conftest import assembled, read_sparse, run
+from flexgram import ReducedModel
 from flexgram.basics import BodyError
 from flexgram.body.description import import_description
 from flexgram.importers import parse
 from flexgram.importers.nastran_bulk import assemble_bulk
+from flexgram.measured.mode_shapes import mode_shapes
 
 RHO = 7800.0
 STEEL = {"steel": {"E": 2.1e11, "nu": 0.3, "rho": RHO}}
@@ -182,6 +185,26 @@ def test_frequencies_that_nastran_prints(tmp_path: Path) -> None:
     assemble_bulk(tmp_path / "b.bdf", tmp_path / "b.h5", [parse("node", "tip=NODES:11")])
     full = assembled(tmp_path / "a.h5", tmp_path / "b.h5")["M"]
     assert full.nnz > a["M"].nnz
+
+
+def test_modes_of_a_body_whose_rotations_have_no_mass(tmp_path: Path) -> None:
+    """Their frequencies are infinite; the others are found, and none of them is rigid."""
+    body, rom = tmp_path / "b.h5", tmp_path / "r.h5"
+    (tmp_path / "b.bdf").write_text(
+        "SOL 103\nCEND\nSPC=1\nBEGIN BULK\nMAT1,1,2.1+11,,.3,7850.\nPBARL,1,1,,BAR\n,.01,.02\n"
+        "SPC1,1,123456,1\nGRID,1,,0.,0.,0.\nGRID,2,,.1,0.,0.\nGRID,3,,.2,0.,0.\n"
+        "CBAR,1,1,1,2,0.,1.,0.\nCBAR,2,1,2,3,0.,1.,0.\nENDDATA\n"
+    )
+    assemble_bulk(tmp_path / "b.bdf", body, [parse("node", "m=NODES:3")], alpha=5)
+    run("reduce", "-body", body, "-mor_band_hz", "0,3000", "-mor_out", rom)
+    a = assembled(tmp_path / "a.h5", body)
+    mass, _ = sl.eigh(a["M"].toarray(), a["K"].toarray())
+    expected = np.sqrt(1 / mass[mass > 1e-9 * mass.max()])[::-1] / (2 * np.pi)
+    model = ReducedModel.load(rom)
+    found = mode_shapes(model).hertz
+    np.testing.assert_allclose(found, expected[expected <= 3000], rtol=1e-6)
+    assert len(found) == 4
+    np.testing.assert_allclose(model.elastic_frequencies[:4] / (2 * np.pi), found, rtol=1e-6)
 
 
 @pytest.mark.parametrize(("units", "length"), [("in-lbf-s", 0.0254), ("ft-lbf-s", 0.3048)])

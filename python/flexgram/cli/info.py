@@ -94,11 +94,8 @@ def _describe(path: Path) -> list[str]:
         + (f", mass {frame.integrals.mass:.6g} kg" if frame.integrals else "")
         + (", geometric stiffening" if frame.integrals and frame.integrals.stiffening else "")
     )
-    # Directions without mass have frequencies that are nothing but rounding.
     gyroscopic = model.system.is_gyroscopic
-    modes = natural_frequencies(model) if gyroscopic else model.modes
-    modes = modes[modes < 1e7 * model.claim.band[-1]]
-    elastic = modes[modes > 1e-6 * max(modes.max(initial=0), 1e-300)]
+    elastic = natural_frequencies(model) if gyroscopic else model.elastic_frequencies
     first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in elastic[:6])
     words = "poles, with gyroscopic or circulatory forces" if gyroscopic else "elastic modes"
     lines.append(f"{words} [Hz]: {first}{' …' if len(elastic) > 6 else ''}")

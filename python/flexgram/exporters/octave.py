@@ -148,8 +148,7 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
     if data.exists() and not _is_ours(data):
         raise BodyError(f"{data} is there, and not of such a script: another name")
     output, port = _strongest(model)
-    elastic = model.modes[model.modes > 1e-6 * model.modes.max(initial=0)]
-    slowest = float(elastic.min(initial=float(model.claim.band[-1])))
+    slowest = float(model.elastic_frequencies.min(initial=float(model.claim.band[-1])))
     values = {
         "claim": model.claim.words,
         "data": data.name,

@@ -129,7 +129,8 @@ def mode_shapes(
     omega = np.sqrt(np.maximum(squares, 0))
     rigid = model.frame.rigid_modes
     if not rigid:  # a basis that mixes them with others (pod): those that are nothing but rounding
-        rigid = int(np.sum(omega < ROUNDING * omega.max(initial=0)))
+        largest = omega[np.isfinite(omega)].max(initial=0)  # others have no mass
+        rigid = int(np.sum(omega < ROUNDING * largest))
     chosen = [k for k in range(rigid, len(omega)) if omega[k] <= last]
     if not chosen:
         first = f"; the first is at {omega[rigid] / (2 * np.pi):.5g} Hz" if rigid < len(Q) else ""

@@ -160,6 +160,14 @@ class ReducedBody:
         """Names of the output ports."""
         return self.system.outputs
 
+    @property
+    def elastic_frequencies(self) -> Floats:
+        """``modes`` without rigid ones, and without directions that have no mass, whose frequencies
+        are nothing but rounding [rad/s]."""
+        heavy = self.modes[self.modes < 1e7 * self.claim.band[-1]]
+        found: Floats = heavy[heavy > 1e-6 * heavy.max(initial=1e-300)]
+        return found
+
     def __repr__(self) -> str:
         count = len(self.provenance.warnings)
         more = f", {count} warning{'s' if count > 1 else ''}" if count else ""
