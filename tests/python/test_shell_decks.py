@@ -158,3 +158,57 @@ def test_moments_of_a_deck(tmp_path: Path) -> None:
     assert moment[at & (a["component"] == 2)] == [1.0] and np.count_nonzero(moment) == 2
     up = B[a["names"].index("step2_dsload.load")][a["component"] == 2]
     assert up.min() > 0 and 4.0 < up.sum() < 10 * 0.6
+
+
+def with_rigid_body(path: Path, given: str, nodes: list[int], held: str = "") -> None:
+    """A clamped sheet with a rigid body of some of its nodes."""
+    write(path, flat(1, 0.6), 20)
+    rigid = "*NODE\n9901,1.1,0.3,0.1\n9902,1.1,0.3,0.1\n*NSET,NSET=SOME\n"
+    rigid += "".join(f"{node},\n" for node in nodes)
+    rigid += f"*RIGID BODY,{given}=SOME,REF NODE=9901,ROT NODE=9902\n"
+    path.write_text(path.read_text().replace("*BOUNDARY", f"{rigid}*BOUNDARY\n{held}", 1))
+
+
+def end_of_sheet(count: int = 20) -> list[int]:
+    return (sheet("quad", (count, count), flat(1, 0.6)).point_sets["end"] + 1).tolist()
+
+
+def hertz_of(path: Path, folder: Path, ranks: int = 1) -> Any:
+    assemble_deck(path, folder / "b.h5", [parse("node", "tip=NODES:40")])
+    a = assembled(folder / "a.h5", folder / "b.h5", ranks)
+    squares = spl.eigsh(a["K"], 6, a["M"], sigma=0, return_eigenvectors=False)
+    return np.sqrt(np.sort(squares)) / (2 * np.pi)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_rotations_of_shells_in_a_rigid_body_are_those_of_ccx(ranks: int, tmp_path: Path) -> None:
+    """Free: an end that is held by its rigid body is hinged, as in ccx; TIE NSET clamps it."""
+    held = "9901,1,3\n9902,1,3\n"
+    with_rigid_body(tmp_path / "sheet.inp", "NSET", end_of_sheet(), held)
+    subprocess.run(["ccx", "sheet"], cwd=tmp_path, check=True, capture_output=True)
+    theirs = ccx_frequencies(tmp_path / "sheet.dat")[:6]
+    hinged = hertz_of(tmp_path / "sheet.inp", tmp_path, ranks)
+    np.testing.assert_allclose(hinged[:5], theirs[:5], rtol=0.01)
+    for given in ("PIN NSET", "TIE NSET"):
+        with_rigid_body(tmp_path / "tied.inp", given, end_of_sheet(), held)
+        found = hertz_of(tmp_path / "tied.inp", tmp_path, ranks)
+        away = np.abs(found / hinged - 1)
+        assert away.max() < 1e-9 if given == "PIN NSET" else away.max() > 0.1
+
+
+def test_a_rigid_body_of_shells_is_an_interface(tmp_path: Path) -> None:
+    """Of its displacements alone, with six ports, and the body is as free as it was."""
+    path = tmp_path / "sheet.inp"
+    ring = [*end_of_sheet(), *(n - 2 for n in end_of_sheet())]
+    with_rigid_body(path, "NSET", ring)
+    text = path.read_text()
+    path.write_text(text[: text.index("*BOUNDARY")] + "*STEP\n*FREQUENCY\n6\n*END STEP\n")
+    facts = assemble_deck(path, tmp_path / "b.h5", [])
+    assert list(facts["interfaces"]) == ["some"]
+    assert "6 of 6 rigid motions are free" in facts["summary"]
+    assert any("rotations of shells and beams do not follow" in r for r in facts["remarks"])
+    a = assembled(tmp_path / "a.h5", tmp_path / "b.h5")
+    assert len(a["names"]) == 6
+    path.write_text(path.read_text().replace("*RIGID BODY,NSET", "*RIGID BODY,TIE NSET"))
+    facts = assemble_deck(path, tmp_path / "b.h5", [])
+    assert facts["interfaces"]["some"]["coupling"] == "rigid"

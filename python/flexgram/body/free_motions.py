@@ -166,7 +166,8 @@ def _of_body(rows: sp.csr_matrix) -> Floats:
     own = own[:, touched].tocsr()
     free = np.diff(own.indptr) == 0
     found = [body[free]]
-    count, group = connected_components(own.T @ own, directed=False)
+    met = abs(own)  # else sums cancel
+    count, group = connected_components(met.T @ met, directed=False)
     of_row = np.full(rows.shape[0], -1)
     of_row[~free] = group[own.indices[own.indptr[:-1][~free]]]
     order = np.argsort(of_row, kind="stable")

@@ -123,6 +123,9 @@ HELD = {
     "ZASYMM": (1, 2, 6),
 }
 AXES = ("x", "y", "z", "rx", "ry", "rz")
+FREE_ROTATIONS = (
+    "rotations of shells and beams do not follow its reference (as in CalculiX; TIE NSET lets them)"
+)
 
 
 def supports_of(
@@ -392,6 +395,12 @@ def _add_couplings(
             terms = coupling.equations(deck, deck.turning())
             content["equations"][coupling.name] = {"terms": terms}
             alone += [number] if coupling.reference not in used else []
+            if coupling.kind == "rigid" and coupling.turns(deck) and number not in held:
+                content["interfaces"].setdefault(
+                    coupling.name, {"coupling": "node", "nodes": [number]}
+                )
+                remarks.append(f"{coupling.name}: {FREE_ROTATIONS}")
+                continue
             why = (
                 "its reference is held in some directions"
                 if number in held

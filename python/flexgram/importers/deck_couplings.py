@@ -57,6 +57,14 @@ class Coupling:
                     found.append(rigid_row(place + 1, int(at[0]) + 1, c, arm))
         return found
 
+    def turns(self, deck: Deck) -> bool:
+        """Whether all displacements of the nodes follow, which do not lie on a line, so that these
+        feel whatever the reference does."""
+        x = deck.points[np.searchsorted(deck.labels, list(self.nodes))]
+        spread = np.linalg.svd(x - x.mean(axis=0), compute_uv=False)
+        wide = len(x) > 2 and float(spread[1]) > 1e-6 * float(spread[0])
+        return wide and self.directions >= {1, 2, 3}
+
     def entry(self, deck: Deck) -> dict[str, Any]:
         """Of ``interfaces`` of a description."""
         at = np.searchsorted(deck.labels, [self.reference, *self.nodes])
@@ -82,7 +90,7 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
     begun: Card | None = None
     for card in job.model:
         if card.keyword == "RIGID BODY":
-            found.append(_rigid(job, deck, card, used))
+            found.append(_rigid(job, deck, card, used, turning))
         elif card.keyword == "COUPLING":
             begun = card
         elif card.keyword in ("KINEMATIC", "DISTRIBUTING"):
@@ -100,10 +108,16 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
     return found
 
 
-def _rigid(job: Job, deck: Deck, card: Card, used: Collection[int]) -> Coupling:
-    name = card.options.get("NSET", card.options.get("ELSET", "")).upper()
+#: Sets of *RIGID BODY. Of CalculiX (NSET) and of PIN NSET the displacements follow, not the
+#: rotations of shells and beams.
+RIGID, PINNED = ("NSET", "ELSET", "TIE NSET", "PIN NSET"), ("NSET", "PIN NSET")
+
+
+def _rigid(job: Job, deck: Deck, card: Card, used: Collection[int], turning: set[int]) -> Coupling:
+    given = [key for key in RIGID if key in card.options]
+    name = card.options[given[0]].upper() if given else ""
     where = f"{job.path}: *RIGID BODY ({name or 'without NSET'})"
-    if others := sorted(set(card.options) - {"NSET", "ELSET", "REF NODE", "ROT NODE"}):
+    if others := sorted(set(card.options) - {*given[:1], "REF NODE", "ROT NODE"}):
         raise BodyError(f"{where}: {others[0]} is not followed by --assemble")
     if "REF NODE" not in card.options or name not in deck.sets:
         raise BodyError(f"{where}: needs a REF NODE, and a node or element set that is there")
@@ -112,9 +126,9 @@ def _rigid(job: Job, deck: Deck, card: Card, used: Collection[int]) -> Coupling:
     nodes = tuple(int(n) for n in deck.sets[name] if int(n) in used)
     if not nodes:
         raise BodyError(f"{where}: no element has its nodes")
-    return Coupling(
-        _interface(name), "rigid", reference, None if turn is None else int(turn), nodes
-    )
+    own = {1, 2, 3} if given[0] in PINNED and turning & set(nodes) else set[int]()
+    rotation = None if turn is None else int(turn)
+    return Coupling(_interface(name), "rigid", reference, rotation, nodes, frozenset(own))
 
 
 def _coupling(
