@@ -307,3 +307,29 @@ def test_names_soft_mounts_and_feedthrough(tmp_path: Path) -> None:
     rom.outputs = ["a", "b"]
     with pytest.raises(BodyError, match=r"would be named a\.motion"):
         export(rom, tmp_path / "x.fmu", "fmu")
+
+
+def test_stiff_coordinates_at_low_frequencies(tmp_path: Path) -> None:
+    """Statically exact bodies have coordinates of megahertz: accelerations lose digits of what
+    nearly vanishes at low frequencies, not of what they are in the band."""
+    hertz = np.array([100.0, 800.0, 2e6, 3e6])
+    given = Matrices(
+        sp.diags((2 * np.pi * hertz) ** 2).tocsr(), sp.identity(4).tocsr(),
+        np.array([[1.0, 0.2], [0.5, 1.0], [9e3, 1e3], [2e3, 7e3]]), alpha=2.0,
+    )  # fmt: skip
+    rom = flexgram.reduce(given, (0, 1000), order=4)
+    export(rom, tmp_path / "stiff.fmu", "fmu")
+    unit = Unit(tmp_path / "stiff.fmu", tmp_path / "stiff", 0)
+    t = np.linspace(0, 0.02, 401)
+    unit.set(rom.inputs, [1.0, -0.5])
+    y, _ = rom.simulate(np.outer(np.ones(401), [1.0, -0.5]), t)
+    for k in range(400):
+        unit.step(t[k], t[1])
+        found = unit.get([f"{port}.motion" for port in rom.outputs])
+        assert np.abs(found - y[k + 1]).max() < 1e-6 * np.abs(y).max()
+    too_stiff = Matrices(
+        sp.diags((2 * np.pi * np.array([1.0, 1e6])) ** 2).tocsr(), sp.identity(2).tocsr(),
+        np.array([[1.0], [1e6]]), alpha=2.0,
+    )  # fmt: skip
+    with pytest.raises(BodyError, match="too stiff .* accelerations"):
+        export(flexgram.reduce(too_stiff, (0, 3), order=2), tmp_path / "x.fmu", "fmu")

@@ -203,3 +203,29 @@ def test_a_free_box_is_free(tmp_path: Path) -> None:
 def test_a_panel_that_is_not_convex_is_named(tmp_path: Path) -> None:
     with pytest.raises(BodyError, match="CSHEAR 99: it is not convex"):
         body_of(tmp_path, plate("CSHEAR,99,9,10,20,80,50\nPSHEAR,9,1,1.-3\n"), "tip=NODES:90")
+
+
+def test_a_mass_on_a_mean(tmp_path: Path) -> None:
+    """RBE3 with a CONM2 at its grid: the mass moves with the mean of the others, which the
+    interface is, too."""
+    cards = "GRID,9,,0.5,0.2,0.\nRBE3,901,,9,123456,1.,123,1,2\n,3,4,5\nCONM2,92,9,,0.4\n"
+    wide = "".join(f"GRID,1{k},,{k}.,0.2,0.\nCBAR,4{k},1,{k + 1},1{k},0.,0.,1.\n" for k in range(2))
+    text = bars(PLAIN).replace("ENDDATA", wide + cards.replace("3,4,5", "3,5,10,11") + "ENDDATA")
+    a = body_of(tmp_path, text)
+    assert a["facts"]["interfaces"]["rbe3_901"]["coupling"] == "node"
+    plain = body_of(tmp_path, text.replace("CONM2,92,9,,0.4\n", ""))
+    assert plain["facts"]["interfaces"]["rbe3_901"]["coupling"] == "distributing"
+    B = plain["B"][:, [plain["names"].index(f"rbe3_901.f{c}") for c in "xyz"]]
+    np.testing.assert_allclose((a["M"] - plain["M"]).toarray(), 0.4 * B @ B.T, atol=1e-12)
+
+
+def test_loss_factors_of_a_bush(tmp_path: Path) -> None:
+    """GE1 alone is that of all directions; others each count for their own."""
+    bush = "GRID,9,,1.,0.,0.\nCBUSH,9,9,5,9,,,,0\nSPC1,1,123456,9\nPBUSH,9,K,1.+5,2.+5,3.+5"
+    for given, expected in ((",GE,0.1", [0.1] * 3), (",GE,0.1,0.2,0.3", [0.1, 0.2, 0.3])):
+        text = bars(PLAIN).replace("ENDDATA", f"{bush}\n,{given}\nENDDATA")
+        body_of(tmp_path, text)
+        with h5py.File(tmp_path / "b.h5") as file:
+            springs = [spring.attrs for spring in file["springs"].values()]
+            S = sum(of["loss_factor"] * np.reshape(of["stiffness"], (6, 6)) for of in springs)
+        np.testing.assert_allclose(np.diag(S)[:3], np.array(expected) * [1e5, 2e5, 3e5])

@@ -17,7 +17,7 @@ from conftest import body_system, message, run
 from flexgram import BodyError, ReductionWarning
 from flexgram.basics import check_name, shown
 from flexgram.body.description import import_description
-from flexgram.body.free_motions import free_motions
+from flexgram.body.free_motions import SpringAt, free_motions
 from flexgram.body.whole import mass_facts
 
 RHO = 7850.0
@@ -179,6 +179,25 @@ def test_free_motions_of_supports() -> None:
     assert free_motions(points, [(node(0, 1), [0, 1, 2])]) == 1
     assert free_motions(points, [(node(0, 1, 2), [0, 1, 2])]) == 0
     assert free_motions(points, [(node(0), [0, 1, 2, 3, 4, 5])]) == 0
+
+
+def test_free_motions_of_nodes_that_no_element_has() -> None:
+    """A held one holds the body by its spring alone; a chain of springs holds nothing."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, 0.5], [2, 0, 0]])
+    at = [(np.array([k]), points[k : k + 1]) for k in range(5)]
+    held, alone = [(np.array([3]), [0, 1, 2, 3, 4, 5])], [np.array([3])]
+    assert free_motions(points, held, alone=alone) == 6
+    pull = SpringAt(np.diag([1.0, 1, 1, 0, 0, 0]), [at[3], at[0]])
+    assert free_motions(points, held, [pull], alone=alone) == 3
+    turn = [(np.array([3]), [3, 4, 5])]
+    assert free_motions(points, turn, [SpringAt(np.eye(6), [at[3], at[0]])], alone=alone) == 3
+    chain = [SpringAt(np.eye(6), [at[3], at[4]]), SpringAt(np.eye(6), [at[4]])]
+    assert free_motions(points, [], chain, alone=[np.array([3]), np.array([4])]) == 6
+    chain.append(SpringAt(np.eye(6), [at[0], at[3]]))
+    assert free_motions(points, [], chain, alone=[np.array([3]), np.array([4])]) == 0
+    rigid = [SpringAt(np.eye(6), [at[0], at[3]]), SpringAt(np.eye(6), [at[4]])]
+    assert free_motions(points, [], rigid, alone=[np.array([3, 4])]) == 0
+    assert free_motions(points, [], rigid, alone=[np.array([3]), np.array([4])]) == 6
 
 
 def test_steel_in_pascals_beside_millimetres(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ class SpringAt:
     stiffness : (6, 6) array
         Over displacements and rotations.
     ends : sequence of (nodes, positions)
-        One or two: (k,) nodes from 0, -1 for the reference of an interface, and (k, 3) [m].
+        One or two: (k,) nodes from 0, of an interface one of its nodes, and (k, 3) [m].
     """
 
     stiffness: Floats
@@ -42,47 +42,59 @@ def springs_of(file: h5py.File) -> Iterable[SpringAt]:
             continue
         ends = []
         for prefix in ("", "to_"):
-            if f"{prefix}interface" in spring.attrs or f"{prefix}nodes" in spring:
-                where = places.positions(spring, prefix)
-                none = np.full(len(where), -1)
-                ends.append((np.asarray(spring.get(f"{prefix}nodes", none)), where))
+            nodes = spring.get(f"{prefix}nodes")
+            if name := spring.attrs.get(f"{prefix}interface"):
+                nodes = file["interfaces"][str(name)]["nodes"][:1]
+            if nodes is not None:
+                ends.append((np.asarray(nodes), places.positions(spring, prefix)))
         yield SpringAt(np.reshape(spring.attrs["stiffness"], (6, 6)), ends)
 
 
-class _Motions:
-    """Motions of all nodes: six of the body as a whole, and six of each node that no element has.
-    Displacements are in units of the body's size."""
+def alone_in(file: h5py.File) -> list[Ints]:
+    """Nodes that no element has and that need not move with the body: those of one rigid interface
+    together."""
+    if "mesh/alone" not in file:
+        return []
+    rest = set(np.ravel(file["mesh/alone/connectivity"][:]).tolist())
+    groups = []
+    for interface in file["interfaces"].values():
+        nodes = set(interface["nodes"][:].tolist())
+        if str(interface.attrs["coupling"]) == "rigid" and nodes & rest:
+            if nodes <= rest:
+                groups.append(np.array(sorted(nodes)))
+            rest -= nodes
+    return groups + [np.array([node]) for node in sorted(rest)]
 
-    def __init__(self, points: Floats, alone: Ints) -> None:
-        self.centre = points.mean(axis=0) if len(points) else np.zeros(3)
+
+class _Motions:
+    """Motions of all nodes: six of the body as a whole, and six of each group of nodes that need
+    not move with it. Displacements are in units of the body's size."""
+
+    def __init__(self, points: Floats, alone: Sequence[Ints]) -> None:
         self.size = max(float(np.ptp(points, axis=0).max(initial=0)), 1e-300)
-        self.own = np.full(len(points), -1)
-        self.own[alone] = 6 + 6 * np.arange(len(alone))
         self.count = 6 + 6 * len(alone)
-        with_body = np.flatnonzero(self.own < 0)
-        arms = (points[with_body] - self.centre) / self.size
-        dofs = 6 * with_body[:, None] + np.arange(3)
+        self.first = np.zeros(len(points), dtype=int)  #: column of each node's motion
+        self.start = np.zeros((len(points), 3))  #: about this point
+        self.start[:] = points.mean(axis=0) if len(points) else 0.0
+        for k, nodes in enumerate(alone):
+            self.first[nodes], self.start[nodes] = 6 + 6 * k, points[nodes[0]]
+        arms = (points - self.start) / self.size
+        dofs = 6 * np.arange(len(points))[:, None] + np.arange(3)
         rows, columns, values = [], [], []
         for a in range(3):
             turned = np.cross(np.eye(3)[a], arms)
-            rows += [dofs[:, a], 6 * with_body + 3 + a, dofs.ravel()]
-            columns += [np.full(len(arms), k) for k in (a, 3 + a)] + [np.full(dofs.size, 3 + a)]
+            rows += [dofs[:, a], dofs[:, a] + 3, dofs.ravel()]
+            columns += [self.first + a, self.first + 3 + a, np.repeat(self.first + 3 + a, 3)]
             values += [np.ones(len(arms)), np.ones(len(arms)), turned.ravel()]
-        mine = 6 * alone[:, None] + np.arange(6)
-        rows.append(mine.ravel())
-        columns.append(np.arange(6, self.count))
-        values.append(np.ones(mine.size))
         where = (np.concatenate(rows), np.concatenate(columns))
         self.of_dofs = sp.csr_matrix((np.concatenate(values), where), (6 * len(points), self.count))
 
-    def at(self, place: Floats, node: int = -1, of_node: Floats | None = None) -> Floats:
-        """Of a place, (6, count): as the whole body moves, or as a node alone moves it."""
+    def at(self, place: Floats, node: int) -> Floats:
+        """Of a place that moves with a node, (6, count)."""
         found = np.zeros((6, self.count))
-        first, start = 0, self.centre
-        if node >= 0 and self.own[node] >= 0 and of_node is not None:
-            first, start = int(self.own[node]), of_node
+        first = int(self.first[node])
         found[:, first : first + 6] = np.eye(6)
-        arm = (place - start) / self.size
+        arm = (place - self.start[node]) / self.size
         for a in range(3):
             found[:3, first + 3 + a] = np.cross(np.eye(3)[a], arm)
         return found
@@ -93,7 +105,7 @@ def free_motions(
     held: Sequence[tuple[Ints, list[int]]],
     springs: Iterable[SpringAt] = (),
     constraints: Constraints | None = None,
-    alone: Ints | None = None,
+    alone: Sequence[Ints] = (),
 ) -> int:
     """How many of six rigid motions are left.
 
@@ -105,10 +117,10 @@ def free_motions(
         Supports, from 0.
     springs, constraints
         Those of the body.
-    alone : int array
-        Nodes that no element has: they need not move with the body.
+    alone : sequence of int arrays
+        Nodes that need not move with the body, in groups that move as one (``alone_in``).
     """
-    motions = _Motions(points, np.unique(np.asarray([] if alone is None else alone, dtype=int)))
+    motions = _Motions(points, alone)
     rows = [
         motions.of_dofs[(6 * np.asarray(nodes)[:, None] + np.array(components, int)).ravel()]
         for nodes, components in held
@@ -130,13 +142,13 @@ def _resisted(motions: _Motions, spring: SpringAt) -> Floats:
     start, *rest = [(np.asarray(nodes), where) for nodes, where in spring.ends]
     for k, place in enumerate(start[1]):
         if not rest:
-            moved = motions.at(place, int(start[0][k]), place)
+            moved = motions.at(place, int(start[0][k]))
         else:
             nodes, where = rest[0]
             other = min(k, len(where) - 1)
             middle = (place + where[other]) / 2
-            moved = motions.at(middle, int(start[0][k]), place)
-            moved = moved - motions.at(middle, int(nodes[other]), where[other])
+            moved = motions.at(middle, int(start[0][k]))
+            moved = moved - motions.at(middle, int(nodes[other]))
         rows.append(stiff @ moved)
     return np.vstack(rows)
 

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.constraints import Constraints
 from flexgram.body.discrete import Places
-from flexgram.body.free_motions import free_motions, springs_of
+from flexgram.body.free_motions import alone_in, free_motions, springs_of
 from flexgram.body.meshfile import SHELLS
 from flexgram.body.terms import law_of
 from flexgram.body.units import UNITS, doubt
@@ -268,8 +268,7 @@ def summary(file: h5py.File) -> list[str]:
         for group in file.get("supports", {}).values()
     ]
     constraints = Constraints.of(file)
-    nodes_alone = np.ravel(file["mesh/alone/connectivity"][:]) if "mesh/alone" in file else None
-    free = free_motions(points, held, springs_of(file), constraints, nodes_alone)
+    free = free_motions(points, held, springs_of(file), constraints, alone_in(file))
     lines = [
         f"mass {facts.mass:.6g} kg, centre ({at}) m, inertia about it {inertia} kg m²",
         f"{free} of 6 rigid motions are free",

@@ -11,8 +11,9 @@ from flexgram.importers.nastran_elements import Elements
 
 def grids_alone(deck: BulkDeck, elements: Elements) -> list[int]:
     """Grids that something else than elements and whole rigid bodies joins, ascending."""
-    references, partial = _of_rigid_elements(deck, elements)
+    references, means, partial = _of_rigid_elements(deck, elements)
     joined = set(partial)
+    joined |= means & {int(getattr(mass, "nid", 0) or 0) for mass in deck.model.masses.values()}
     joined |= {arm.grid for arm in elements.arms}
     joined |= {int(n) for cards in deck.model.mpcs.values() for card in cards
                for n in card.node_ids if n in deck.model.nodes}  # fmt: skip
@@ -40,16 +41,17 @@ def _with_masses(deck: BulkDeck) -> set[int]:
     return moved & {int(mass.nid) for mass in deck.model.masses.values() if mass.type == "CONM2"}
 
 
-def _of_rigid_elements(deck: BulkDeck, elements: Elements) -> tuple[set[int], set[int]]:
-    """Grids that move others as a whole, or are the mean of their displacements, which become
-    references of interfaces; and those of rigid elements of some components, and of means of
-    others."""
+def _of_rigid_elements(deck: BulkDeck, elements: Elements) -> tuple[set[int], set[int], set[int]]:
+    """Grids that move others as a whole, and those that are the mean of their displacements, which
+    become references of interfaces; and those of rigid elements of some components, and of means
+    of others."""
     references: set[int] = set()
+    means: set[int] = set()
     partial: set[int] = set()
     for element in deck.model.rigid_elements.values():
         if element.type == "RBE3":
             moved = int(element.ref_grid_id)
-            (references if {str(c) for c in element.comps} == {"123"} else partial).add(moved)
+            (means if {str(c) for c in element.comps} == {"123"} else partial).add(moved)
         elif element.type == "RBE2":
             nodes, coupled = {int(n) for n in element.Gmi}, set(str(element.cm))
             whole = coupled >= set("123456")
@@ -57,4 +59,4 @@ def _of_rigid_elements(deck: BulkDeck, elements: Elements) -> tuple[set[int], se
                 references.add(int(element.Gn()))
             else:
                 partial |= {int(element.Gn()), *nodes}
-    return references, partial
+    return references, means, partial

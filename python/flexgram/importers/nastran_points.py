@@ -15,6 +15,12 @@ from flexgram.importers.nastran_scalars import Scalars
 from flexgram.importers.nastran_sections import rod_section
 
 
+def _losses(given: Sequence[Any]) -> list[float]:
+    """Loss factors of the six directions of a PBUSH: GE1 alone is that of all."""
+    losses = [float(x or 0.0) for x in [*given, *6 * [0.0]][:6]]
+    return 6 * losses[:1] if losses[0] and not any(losses[1:]) else losses
+
+
 class PointElements:
     """Entries of ``masses`` and ``springs`` of a description."""
 
@@ -93,16 +99,15 @@ class PointElements:
         K = [float(x or 0.0) for x in (list(prop.Ki) + 6 * [0.0])[:6]]
         B = [float(x or 0.0) for x in (list(prop.Bi) + 6 * [0.0])[:6]]
         both = np.kron(np.eye(2), self._axes_of_bush(number, element, nodes, any([*K[1:], *B[1:]])))
-        losses = {float(x or 0.0) for x, k in zip(getattr(prop, "GEi", None) or [], K, strict=False)
-                  if k}  # fmt: skip
-        if len(losses) > 1:
-            raise self.deck.refuse("PBUSH", prop.pid, "GE of its directions differ")
-        loss = losses.pop() if losses else 0.0
+        losses = _losses(getattr(prop, "GEi", None) or [])
         if self._apart(nodes) and not set(nodes) <= self.elements.turning:
-            self.scalars.bush(number, nodes, both[:3, :3], {"K": K, "B": B, "loss": loss})
+            self.scalars.bush(number, nodes, both[:3, :3], {"K": K, "B": B, "losses": losses})
             return
-        of_motion = [both.T @ np.diag(x) @ both for x in (K, B)]
-        self._spring("CBUSH", number, nodes, of_motion[0], loss, of_motion[1])
+        for loss in sorted({x for x, k in zip(losses, K, strict=True) if k} or {0.0}):
+            some = [k if x == loss else 0.0 for x, k in zip(losses, K, strict=True)]
+            of_motion = [both.T @ np.diag(x) @ both for x in (some, B)]
+            self._spring("CBUSH", number, nodes, of_motion[0], loss, of_motion[1])
+            B = 6 * [0.0]  # once
 
     def _axes_of_bush(self, number: int, element: Any, nodes: list[int], across: bool) -> Floats:
         """In rows: of a system (CID), or the line between its grids, with a vector or a grid for
@@ -157,7 +162,8 @@ class PointElements:
             entry["damping"] = B.tolist()
         if loss:
             entry["loss_factor"] = loss
-        self.springs[f"{card.lower()}{number}"] = entry
+        name = f"{card.lower()}{number}"
+        self.springs[f"{name}_{loss:g}" if name in self.springs else name] = entry
 
     def _ends(self, number: int, element: Any) -> list[tuple[int, int]]:
         """Grids and their components, scalar points and 0."""

@@ -88,7 +88,7 @@ class Scalars:
         """A CBUSH whose grids lie apart and do not both have rotations: it acts midway, and what
         turns at a grid without rotations is held, as AUTOSPC does.
 
-        ``of``: (6,) arrays ``K`` and ``B`` along the axes (in rows), and ``loss``."""
+        ``of``: (6,) arrays ``K`` and ``B`` along the axes (in rows), and ``losses``."""
         where = self.deck.points[[self.deck.at(n) for n in nodes]]
         middle = where.mean(axis=0)
         for c in range(6):
@@ -103,7 +103,7 @@ class Scalars:
                     about = along if c > 2 else np.cross(middle - place, along)
                     terms += _along(at, 3, sign * about)
             self.add(f"cbush{number}_{c + 1}", terms, middle, stiffness=k, damping=b,
-                     loss=of["loss"])  # fmt: skip
+                     loss=of["losses"][c])  # fmt: skip
 
     def panel(self, number: int, element: Any) -> None:
         """CSHEAR: shear flow along its edges alone, PSHEAR's rods along these, and its mass, a
