@@ -3,6 +3,7 @@ included files, and the command line."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import h5py
@@ -117,7 +118,6 @@ def test_the_command_line(tmp_path: Path) -> None:
          "90 is held by an SPC"),
         (plate("RBE3,92,,50,123456,1.0,123,80,90\n"), "RBE3 92: its grids lie on a line"),
         (plate("RBE3,92,,10,123456,1.0,123,80,90,50\n"), "its grid 10 is held"),
-        (plate("GRDSET,,,,,,5\nCORD2R,5,,0.,0.,0.,0.,1.,0.\n,1.,0.,0.\n"), "GRDSET with CP or CD"),
         (plate("DMIG,KX,0,6,1,0\nDMIG,KX,50,1,,50,1,1.+5\n"), r"DMIG \(\d\): not followed"),
         (plate("CELAS1,93,7,50,3\n"), "CELAS1 93: its property is missing"),
         (plate("CTUBE,93,7,50,90\nPTUBE,7,1,0.02,0.002,,0.03\n"), "PTUBE 7: it tapers"),
@@ -197,3 +197,18 @@ def test_supports_and_shared_references(tmp_path: Path) -> None:
     facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
     assert "chooses no SPC: the body is free" in " ".join(facts["remarks"])
     assert "6 of 6 rigid motions" in facts["summary"][1]
+
+
+def test_systems_by_grdset(tmp_path: Path) -> None:
+    """CP and CD of grids that leave these blank; 0 is the basic system."""
+
+    system = "CORD2R,7,,0.02,0.01,0.,0.02,0.01,1.\n,1.,0.1,0.\nSPC1,1,2,20\n"
+    plain = re.sub(r"GRID,50,,([^\n]*)", r"GRID,50,0,\1,0", plate(system))
+    own = re.sub(r"GRID,(\d+),,([^\n]*)", r"GRID,\1,7,\2,7", plain)
+    found = []
+    for text in (own, plain.replace("ENDDATA", "GRDSET,,7,,,,7\nENDDATA"), plain):
+        (tmp_path / "p.bdf").write_text(text)
+        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+        found.append(assembled(tmp_path / "m.h5", tmp_path / "p.h5")["K"].toarray())
+    assert np.array_equal(found[0], found[1])
+    assert found[2].shape != found[0].shape or not np.allclose(found[2], found[0])

@@ -462,3 +462,47 @@ def test_what_touches_a_grid_alone_is_told_from_rounding(tmp_path: Path) -> None
     hold_untouched(content, points)
     held = {name: entry["components"] for name, entry in content["supports"].items()}
     assert held == {"untouched_1": ["y", "z", "rx", "ry", "rz"], "untouched_2": ["ry", "rz"]}
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("kind", ["PBEAM", "PBEAML"])
+def test_a_beam_that_tapers(kind: str, ranks: int, tmp_path: Path) -> None:
+    """One element: its tip's compliance and twist by integrals, its mass, and the frequencies of
+    the same beam of many elements."""
+    if kind == "PBEAM":
+        prop = "PBEAM,1,1,8.-4,6.-8,3.-8,0.,5.-8,,\n,,,,,,,,,\n,YES,1.0,4.-4,2.-8,1.-8,0.,1.-8\n"
+        values = {"A": (8e-4, 4e-4), "Iz": (6e-8, 2e-8), "Iy": (3e-8, 1e-8), "J": (5e-8, 1e-8)}
+    else:
+        prop = "PBEAML,1,1,,BAR,,,,,\n,0.02,0.04,0.,YES,1.0,0.02,0.02,0.\n"
+        values = {}
+    material = "MAT1,1,2.1+11,,0.3,7850.\nPARAM,COUPMASS,1\n"
+    text = (
+        "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\nGRID,1,,0.,0.,0.\nGRID,2,,1.2,0.,0.\n"
+        f"CBEAM,1,1,1,2,0.,1.,0.\n{prop}{material}SPC1,1,123456,1\nENDDATA\n"
+    )
+    a = body_of(tmp_path, text, "tip=NODES:2", ranks)
+    s = np.linspace(0, 1, 20001)
+
+    def over(name: str, weight: Any) -> float:
+        if values:
+            first, last = values[name]
+            of = first + (last - first) * s
+        else:
+            b, h = 0.02, 0.04 - 0.02 * s
+            of = {"A": b * h, "Iz": b * h**3 / 12, "Iy": b**3 * h / 12}[name]
+        ratio = weight / of
+        return float(np.sum((ratio[1:] + ratio[:-1]) / 2 * 1.2 * np.diff(s)))
+
+    G = E_ / 2.6
+    for port, inertia in (("fy", "Iz"), ("fz", "Iy")):
+        f = a["B"][:, a["names"].index(f"tip.{port}")]
+        found = f @ np.linalg.solve(a["K"].toarray(), f)
+        bending = over(inertia, (1.2 * (1 - s)) ** 2) / E_
+        assert found == pytest.approx(bending + over("A", 1.0 + 0 * s) / (G * 5 / 6), rel=0.01)
+    if values:
+        f = a["B"][:, a["names"].index("tip.mx")]
+        assert f @ np.linalg.solve(a["K"].toarray(), f) == pytest.approx(
+            over("J", 1 + 0 * s) / G, rel=0.01
+        )
+    mass = 7850 * 1.2 * (6e-4 if values else 0.02 * 0.03)
+    assert any(f"mass {mass:.6g} kg" in line for line in a["facts"]["summary"])

@@ -132,10 +132,48 @@ def read_bulk(path: Path) -> tuple[Any, dict[str, float], list[str]]:
         elif begins and not is_deck:  # bulk data behind BEGIN alone
             source = folder / path.name
             source.write_text(_with_whole_includes(text[begins.end() :], path.parent))
+        grids = _systems_of_grids(model) if re.search("GRDSET", text, re.I) else {}
         model.read_bdf(str(source), punch=not is_deck, xref=False, validate=False)
+        _set_systems(path, model, grids)
         model.safe_cross_reference()
     control = text[: begins.start()] if begins and is_deck else ""
     return model, _parameters(path, control), [name.strip("'\"") for name in alters]
+
+
+def _systems_of_grids(model: Any) -> dict[int, tuple[bool, bool]]:
+    """Whether each GRID that will be read says its CP and its CD, which pyNastran does not keep."""
+    from pyNastran.bdf.bdf_interface.utils import to_fields
+
+    said: dict[int, tuple[bool, bool]] = {}
+    add_card = model.add_card
+
+    def add(lines: Any, name: str, *further: Any, **options: Any) -> Any:
+        if name.upper() == "GRID":
+            given = options.get("is_list", False)
+            fields = lines if given else to_fields(lines, name)
+            words = [str(word or "").strip() for word in [*fields, *8 * [""]][:8]]
+            said[int(words[1])] = (bool(words[2]), bool(words[6]))
+        return add_card(lines, name, *further, **options)
+
+    model.add_card = add
+    return said
+
+
+def _set_systems(path: Path, model: Any, said: dict[int, tuple[bool, bool]]) -> None:
+    """CP and CD of GRDSET, of grids that do not say theirs."""
+    defaults = model.grdset
+    if defaults is None or not (defaults.cp or defaults.cd):
+        return
+    for label, node in model.nodes.items():
+        if label not in said:
+            raise BodyError(
+                f"{path}: GRDSET of an included file has CP or CD: write it in this one, or in GRID"
+            )
+        says_cp, says_cd = said[label]
+        if defaults.cp and not says_cp:
+            node.cp = defaults.cp
+        if defaults.cd and not says_cd:
+            node.cd = defaults.cd
 
 
 #: Of a file; its name, in quotes or not.
@@ -200,9 +238,6 @@ class BulkDeck:
             raise BodyError(f"{self.path}: --ignore {followed[0]}: it is followed")
         if self.model.superelement_models:
             raise BodyError(f"{self.path}: superelements (BEGIN SUPER) are not followed")
-        defaults = self.model.grdset
-        if defaults is not None and any((defaults.Cp(), defaults.Cd())):
-            raise BodyError(f"{self.path}: GRDSET with CP or CD is not followed: write it in GRID")
         if names := sorted(self.cases() & {"K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP"}):
             raise BodyError(f"{self.path}: {names[0]} of case control is not followed")
         unknown = {
@@ -274,7 +309,9 @@ class BulkDeck:
         if not chosen or found[0] is None:
             if numbers:
                 free = ": the body is free" if kind == "SPC" else ""
-                self.remarks.append(f"case control chooses no {kind}{free}")
+                others = f"; another one chooses {kind} {chosen[0]}" if chosen else ""
+                which = "the first subcase" if chosen else "case control"
+                self.remarks.append(f"{which} chooses no {kind}{free}{others}")
             return []
         if len(set(chosen)) > 1:
             self.remarks.append(f"{kind} {chosen[0]} of the first subcase counts; others differ")

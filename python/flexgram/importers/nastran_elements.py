@@ -12,10 +12,16 @@ import numpy as np
 from flexgram.basics import BodyError, Floats
 from flexgram.body.meshfile import AXES, LABELS, MEMBRANE
 from flexgram.body.orientation import with_second
+from flexgram.body.reader import Reader
+from flexgram.body.sections import section_properties
 from flexgram.importers.nastran import REORDER, SOLIDS
 from flexgram.importers.nastran_deck import BEAMS, RODS, SHELLS, SPRINGS, WEDGE, BulkDeck, named
 from flexgram.importers.nastran_materials import Materials, beam_ratio, own_shear
-from flexgram.importers.nastran_sections import beam_section, rod_section, sheared
+from flexgram.importers.nastran_sections import along as at_place
+from flexgram.importers.nastran_sections import beam_section, rod_section, sheared, tapers
+
+#: Of one section each, a beam that tapers is made of.
+PIECES = 8
 
 
 @dataclass(frozen=True)
@@ -267,8 +273,27 @@ class Elements:
         v = np.round(v / np.linalg.norm(v), 9) + 0.0
         if prop is None:
             raise self.deck.refuse(kind, number, "its property is missing")
+        axes = np.array([along, v, np.cross(along, v)])
+        nodes = [
+            self._end(grid, offset, axes, str(pins or ""))
+            for grid, offset, pins in zip(grids, offsets, (element.pa, element.pb), strict=True)
+        ]
+        count = PIECES if tapers(prop) else 1
+        inner = [len(self.deck.points) + len(self.ends) + k for k in range(count - 1)]
+        self.ends += [ends[0] + (ends[1] - ends[0]) * k / count for k in range(1, count)]
+        nodes[1:1] = inner
+        for k in range(count):
+            region = self._piece(element, along, v, (k + 0.5) / count if count > 1 else 0.0)
+            cells, labels = self.groups.setdefault((region, "line"), ([], []))
+            cells.append(nodes[k : k + 2])
+            labels.append(number)
+
+    def _piece(self, element: Any, along: Floats, v: Floats, place: float) -> str:
+        """Region of a beam, or of a piece of one that tapers, whose middle is at a place from 0 to
+        1; ``v``: its y axis."""
+        prop = element.pid_ref
         try:
-            section = beam_section(prop)
+            section = beam_section(prop, place)
         except BodyError as error:
             raise self.deck.refuse(prop.type, prop.pid, str(error)) from None
         y = v
@@ -276,24 +301,23 @@ class Elements:
             y = np.cos(turn) * v + np.sin(turn) * np.cross(along, v)
         if prop.mid_ref is not None and prop.mid_ref.type == "MAT1" and prop.mid_ref.e:
             section = sheared(section, beam_ratio(prop.mid_ref)[1])
-        name = f"p{prop.pid}_d{self._direction(y)}"
+        name = f"p{prop.pid}_d{self._direction(y)}" + (f"_at{place:g}" if place else "")
         self.sections[name] = section | {"y_axis": y.tolist()}
         with named(self.deck.path, f"{prop.type} {prop.pid}: its area is not understood"):
-            A, nsm = float(np.ravel(prop.Area())[0]), float(np.ravel(prop.Nsm() or 0.0)[0])
+            A, nsm = self._area(prop, section, place)
         structural = A * float(getattr(prop.mid_ref, "rho", None) or 0.0)
-        turns = structural / (structural + nsm) if kind == "CBEAM" and structural else 0.0
+        is_beam = element.type == "CBEAM"
+        turns = structural / (structural + nsm) if is_beam and structural else 0.0
         self.sections[name]["torsional_inertia"] = turns  # none of the mass beside its material's
         material = self.materials.of(prop.pid, prop.mid_ref, nsm / A, beam=True)
-        region = self._region(name, material, name)
-        axes = np.array([along, v, np.cross(along, v)])
-        cells, labels = self.groups.setdefault((region, "line"), ([], []))
-        cells.append(
-            [
-                self._end(grid, offset, axes, str(pins or ""))
-                for grid, offset, pins in zip(grids, offsets, (element.pa, element.pb), strict=True)
-            ]
-        )
-        labels.append(number)
+        return self._region(name, material, name)
+
+    def _area(self, prop: Any, section: dict[str, Any], place: float) -> tuple[float, float]:
+        """Area, and mass by length beside that of the material."""
+        if not place:
+            return float(np.ravel(prop.Area())[0]), float(np.ravel(prop.Nsm() or 0.0)[0])
+        A = section_properties(Reader(section, "section"), 1.0)["A"]
+        return A, float(at_place(prop, np.ravel(prop.nsm), place))
 
     def _end(self, grid: int, offset: Floats, axes: Floats, pins: str) -> int:
         """Index of a beam's end: its grid, or a node of its own."""

@@ -30,10 +30,33 @@ def rod_section(prop: Any) -> tuple[float, float]:
     return math.pi / 4 * (outer**2 - inner**2), math.pi / 32 * (outer**4 - inner**4)
 
 
-def beam_section(prop: Any) -> dict[str, Any]:
+def tapers(prop: Any) -> bool:
+    """Whether the section of a PBEAM or PBEAML changes along the beam."""
+    if prop.type == "PBEAML":
+        rows = np.atleast_2d(np.asarray(prop.dim, dtype=float))
+        return bool(np.any(np.ptp(rows, axis=0) > 1e-3 * np.abs(rows).max(axis=0)))
+    if prop.type != "PBEAM":
+        return False
+    values = [np.ravel(getattr(prop, key)) for key in ("A", "i1", "i2", "i12", "j")]
+    return any(np.ptp(v) > 1e-3 * float(np.abs(v).max()) for v in values)
+
+
+def along(prop: Any, values: Any, place: float) -> Any:
+    """What a PBEAM or PBEAML says at its stations, at a place from 0 to 1."""
+    rows = np.asarray(values, dtype=float)
+    if len(rows) < 2:
+        return rows[0]
+    order = np.argsort(prop.xxb)
+    stations, columns = np.asarray(prop.xxb, dtype=float)[order], rows[order]
+    if columns.ndim == 1:
+        return float(np.interp(place, stations, columns))
+    return np.array([np.interp(place, stations, column) for column in columns.T])
+
+
+def beam_section(prop: Any, place: float = 0.0) -> dict[str, Any]:
     """Entry of ``sections`` of a PBAR, PBARL, PBEAM or PBEAML of pyNastran, without ``y_axis``. The
     local y axis is that of plane 1; ``turn`` [rad] about the beam, if it is there, brings it to a
-    principal axis.
+    principal axis. ``place``: from 0 to 1, of a beam that tapers.
 
     Raises
     ------
@@ -41,17 +64,17 @@ def beam_section(prop: Any) -> dict[str, Any]:
         For what is not followed, without the place.
     """
     if prop.type in ("PBARL", "PBEAML"):
-        return _of_shape(prop)
+        return _of_shape(prop, place)
     if prop.type not in ("PBAR", "PBEAM"):
         raise BodyError("beams need a PBAR, PBARL, PBEAM or PBEAML")
     if prop.type == "PBEAM":
         for key in BESIDE:
             if np.any(np.abs(np.ravel(getattr(prop, key, 0.0) or 0.0)) > 0):
                 raise BodyError(f"{key.upper()} is not followed")
-        values = [np.ravel(getattr(prop, key)) for key in ("A", "i1", "i2", "i12", "j")]
-        if any(np.ptp(v) > 1e-3 * float(np.abs(v).max()) for v in values):
-            raise BodyError("its section changes along the beam")
-        A, I1, I2, I12, J = (float(v[0]) for v in values)
+        A, I1, I2, I12, J = (
+            float(along(prop, np.ravel(getattr(prop, key)), place))
+            for key in ("A", "i1", "i2", "i12", "j")
+        )
         k1, k2 = 1.0 if prop.k1 is None else prop.k1, 1.0 if prop.k2 is None else prop.k2
     else:
         A, I1, I2, I12, J = (
@@ -149,12 +172,10 @@ OPEN: dict[str, Callable[..., list[Plate]]] = {
 }
 
 
-def _of_shape(prop: Any) -> dict[str, Any]:
+def _of_shape(prop: Any, place: float) -> dict[str, Any]:
     """Of a named shape: exact, or (box, I) of thin walls in torsion and shear."""
     rows = np.atleast_2d(np.asarray(prop.dim, dtype=float))
-    if np.any(np.ptp(rows, axis=0) > 1e-3 * np.abs(rows).max(axis=0)):
-        raise BodyError("its section changes along the beam")
-    shape, d = str(prop.beam_type), rows[0].tolist()
+    shape, d = str(prop.beam_type), along(prop, rows, place).tolist()
     if shape == "ROD":
         area, second = math.pi * d[0] ** 2, math.pi * d[0] ** 4 / 4
         return general(area, second, second, 2 * second, 0.9, 0.9)
