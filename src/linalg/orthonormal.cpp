@@ -106,13 +106,13 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& prod
   return result;
 }
 
-double loss_of_orthogonality(const Basis& V, const InnerProduct& product) {
-  Dense gram = symmetric_inner(V, product.M);
-  if (product.kappa != 0) {
-    const Dense stiff = symmetric_inner(V, product.K);
-    add_to(gram, stiff, product.kappa);
-  }
-  for (int j = 0; j < gram.rows; ++j) gram(j, j) -= 1;
+double loss_of_orthogonality(const Basis& V, const InnerProduct& product, int columns) {
+  const int all = static_cast<int>(V.columns()), count = std::min(columns, all);
+  Dense chosen(all, count);
+  for (int j = 0; j < count; ++j)
+    chosen(count > 1 ? j * (all - 1) / (count - 1) : 0, j) = 1;
+  Dense gram = inner(V, product.apply(combine(V, chosen)));
+  add_to(gram, chosen, -1);
   return max_norm(gram);
 }
 

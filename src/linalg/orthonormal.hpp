@@ -32,7 +32,8 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& prod
 /// 1 there, the largest first. @param least  becomes the smallest of these squares.
 Dense kept_directions(const Dense& gram, double floor, double& least);
 
-/// Largest entry of |VᵀWV − I|.
-double loss_of_orthogonality(const Basis& V, const InnerProduct& product);
+/// Largest entry of |VᵀWV − I| in so many columns at most, spread evenly over V.
+double loss_of_orthogonality(const Basis& V, const InnerProduct& product,
+                             int columns = 32);
 
 } // namespace flexgram

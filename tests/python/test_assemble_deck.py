@@ -177,13 +177,17 @@ def test_the_command_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("element", "change", "expected"),
     [
-        ("C3D10", ("TYPE=C3D10", "TYPE=C3D10M"), "elements C3D10M are others than flexgram's"),
+        ("C3D10", ("TYPE=C3D10", "TYPE=C3D10E"), "elements C3D10E are others than flexgram's"),
         ("C3D10", ("*STEP", "*CONTACT PAIR\nA,B\n*STEP"), r"\*CONTACT PAIR is not followed"),
         ("C3D10", ("210e9, 0.3", "210e9, 0.3, 20.\n200e9, 0.3, 80."), "depends on temperature"),
         ("C3D10", ("*DENSITY\n7850\n", ""), r"needs elements, \*ELASTIC and \*DENSITY"),
         ("C3D10", ("8\n*END STEP", "8\n*BOUNDARY\nEND,1,1,0.1\n*END STEP"), "moves nodes by 0.1"),
         ("C3D10", ("8\n*END STEP", "8\n*BOUNDARY\nNOWHERE,1\n*END STEP"), "expected a node or"),
-        ("C3D10", ("MATERIAL=STEEL", "MATERIAL=GOLD"), "MATERIAL=GOLD: needs elements"),
+        (
+            "C3D10",
+            ("MATERIAL=STEEL", "MATERIAL=GOLD"),
+            "there is no material GOLD; there are STEEL",
+        ),
     ],
 )
 def test_what_is_not_followed(

@@ -127,7 +127,7 @@ def test_elements_of_the_same_kind(tmp_path: Path) -> None:
     ("section", "words"),
     [
         (",ORIENTATION=O1", "there is no orientation O1"),
-        (",COMPOSITE", "needs elements, .*ELASTIC and .*DENSITY"),
+        (",COMPOSITE", "it names no material; there are STEEL"),
         (",STACK DIRECTION=1", "STACK DIRECTION is not followed by --assemble"),
         (",OFFSET=half", "an OFFSET in thicknesses"),
     ],
@@ -212,3 +212,38 @@ def test_a_rigid_body_of_shells_is_an_interface(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("*RIGID BODY,NSET", "*RIGID BODY,TIE NSET"))
     facts = assemble_deck(path, tmp_path / "b.h5", [])
     assert facts["interfaces"]["some"]["coupling"] == "rigid"
+
+
+def test_membranes_of_a_deck(tmp_path: Path) -> None:
+    """M3D4 with *MEMBRANE SECTION: three dofs a node, and the stiffness of a sheet in its plane."""
+    write(tmp_path / "sheet.inp", flat(1, 0.6), 4)
+    text = (tmp_path / "sheet.inp").read_text().replace("TYPE=S4", "TYPE=M3D4R")
+    (tmp_path / "sheet.inp").write_text(text.replace("*SHELL SECTION", "*MEMBRANE SECTION"))
+    assemble_deck(tmp_path / "sheet.inp", tmp_path / "b.h5", [parse("node", "tip=NODES:20")])
+    a = assembled(tmp_path / "a.h5", tmp_path / "b.h5")
+    assert set(a["component"]) == {0, 1, 2}
+    across = a["component"] == 2
+    assert abs(a["K"][across][:, across]).max() < 1e-6 * abs(a["K"]).max()
+    stretched = np.where(a["component"] == 0, a["position"][:, 0], 0.0)
+    energy = stretched @ a["K"] @ stretched
+    assert energy == pytest.approx(2e11 * 0.02 * 0.6 / (1 - 0.3**2), rel=1e-9)
+
+
+def test_elements_of_abaqus_that_are_taken_as_others(tmp_path: Path) -> None:
+    write(tmp_path / "sheet.inp", flat(1, 0.6), 4)
+    plain = (tmp_path / "sheet.inp").read_text()
+    found = {}
+    for kind in ("S4", "S4R5", "CPS4"):
+        (tmp_path / "sheet.inp").write_text(plain.replace("TYPE=S4", f"TYPE={kind}"))
+        tip = [parse("node", "tip=NODES:20")]
+        if kind == "CPS4":
+            with pytest.raises(BodyError, match="elements CPS4 are elements of a plane"):
+                assemble_deck(tmp_path / "sheet.inp", tmp_path / "b.h5", tip)
+            continue
+        facts = assemble_deck(tmp_path / "sheet.inp", tmp_path / "b.h5", tip)
+        assert ("S4R5 are taken as S4" in facts["remarks"]) == (kind == "S4R5")
+        found[kind] = assembled(tmp_path / "a.h5", tmp_path / "b.h5")["K"]
+    assert abs(found["S4"] - found["S4R5"]).max() == 0
+    (tmp_path / "sheet.inp").write_text(plain.replace("MATERIAL=STEEL", "MATERIAL=STEAL"))
+    with pytest.raises(BodyError, match="there is no material STEAL; there are STEEL"):
+        assemble_deck(tmp_path / "sheet.inp", tmp_path / "b.h5", tip)

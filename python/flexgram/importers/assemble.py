@@ -20,7 +20,7 @@ from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
 from flexgram.importers.alone import hold_untouched
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
-from flexgram.importers.deck import SHELL_KINDS, Deck, read_deck
+from flexgram.importers.deck import SHELL_KINDS, TAKEN_AS, Deck, read_deck
 from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
 from flexgram.importers.deck_constraints import along, equations_of, ties_of
@@ -47,7 +47,7 @@ ELEMENTS = ("C3D4", "C3D5", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20", "C3D20R")
 #: Taken as hexahedra with incompatible modes. Those of ccx are other modes in distorted elements
 #: (C3D8I), or give way by hourglasses (C3D8R).
 BENDING = ("C3D8I", "C3D8R")
-SHELLS = ("S3", "S3R", "S4", "S4R", "S6", "S8", "S8R")
+SHELLS = ("S3", "S3R", "S4", "S4R", "S6", "S8", "S8R", "M3D3", "M3D4", "M3D4R")
 #: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.
 READ = {
     "NODE",
@@ -59,6 +59,7 @@ READ = {
     "DENSITY",
     "SOLID SECTION",
     "SHELL SECTION",
+    "MEMBRANE SECTION",
     *LINE_SECTIONS,
     "ORIENTATION",
     "DISTRIBUTION",
@@ -104,11 +105,15 @@ def _refuse_others(job: Job) -> None:
             )
         kind = card.options.get("TYPE", "").upper()
         known = (*ELEMENTS, *BENDING, *SHELLS, *BEAMS, *TRUSSES, *TYPES)
-        if card.keyword == "ELEMENT" and kind not in known:
-            raise BodyError(
-                f"{job.path}: elements {kind} are others than flexgram's, which has "
-                f"{', '.join(known)} of CalculiX: take --run-ccx"
+        if card.keyword == "ELEMENT" and kind not in (*known, *TAKEN_AS):
+            plane = kind.startswith(("CPS", "CPE", "CAX"))
+            why = (
+                "elements of a plane: gmsh writes these for surfaces, whose shells are S3 and S4 "
+                "(or import the .msh)"
+                if plane
+                else f"others than flexgram's, which has {', '.join(known)}: take --run-ccx"
             )
+            raise BodyError(f"{job.path}: elements {kind} are {why}")
 
 
 #: *BOUNDARY by name, of Abaqus: directions from 1.
@@ -313,6 +318,8 @@ def assemble_deck(
         )
     if any(card.options.get("TYPE", "").upper() in ("S3R", "S4R") for card in job.model):
         remarks.append("S3R and S4R are taken as S3 and S4, integrated fully")
+    taken = sorted({kind for kind in deck.types.values() if kind in TAKEN_AS})
+    remarks += [f"{kind} are taken as {TAKEN_AS[kind]}" for kind in taken]
     if some := sorted({kind for kind in deck.types.values() if kind in ("S6", "S8", "S8R")}):
         remarks.append(
             f"{' and '.join(some)} are taken as four elements of first order each, which ccx makes "
@@ -346,7 +353,7 @@ def assemble_deck(
         "name": path.stem,
         "units": units,
         "materials": materials,
-        "sections": {region: of for region, of in sections.items() if region in material_of},
+        "sections": _used_sections(sections, material_of),
         "regions": regions_of(material_of, sections),
         "interfaces": described,
         "mass_integration": "reduced",
@@ -371,6 +378,14 @@ def assemble_deck(
     content |= further_keys(merge, keep_repeated, spin, preload)
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
+
+
+def _used_sections(
+    sections: Mapping[str, dict[str, Any]], material_of: Mapping[str, str]
+) -> dict[str, dict[str, Any]]:
+    """Those of regions, whose names begin with that of their section."""
+    used = {region.partition("_")[0] for region in material_of}
+    return {name: of for name, of in sections.items() if name in used}
 
 
 def _add_couplings(

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints
+from flexgram.body.meshfile import MEMBRANE
 
 #: Element types by the beginning of their name: meshio type, number of nodes.
 SOLIDS = {
@@ -28,6 +29,10 @@ SHELLS = {
     "S3": ("triangle", 3),
     "S8": ("quad8", 8),
     "S6": ("triangle6", 6),
+    "STRI65": ("triangle6", 6),
+    "STRI3": ("triangle", 3),
+    "M3D4": ("quad", 4),
+    "M3D3": ("triangle", 3),
 }
 #: Beams and trusses.
 LINES = {"B31": ("line", 2), "B32": ("line3", 3), "T3D2": ("line", 2)}
@@ -37,7 +42,31 @@ LINE_KINDS = frozenset(kind for kind, _ in LINES.values())
 TURNING = SHELL_KINDS | LINE_KINDS
 
 #: Formulations of our elements that types have, where not the usual ones.
-FORMULATIONS = {"C3D8": "full", "C3D20R": "reduced", "C3D6": "reduced"}
+FORMULATIONS = {
+    "C3D8": "full",
+    "C3D20R": "reduced",
+    "C3D6": "reduced",
+    **dict.fromkeys(("M3D3", "M3D4", "M3D4R"), MEMBRANE),
+}
+#: Types of Abaqus, and what they are taken as: mixed or modified elements whose displacements are
+#: the same, shells with five dofs at a node or for small strains.
+TAKEN_AS = {
+    "C3D10M": "C3D10",
+    "C3D10H": "C3D10",
+    "C3D10HS": "C3D10",
+    "C3D10MH": "C3D10",
+    "C3D4H": "C3D4",
+    "C3D20H": "C3D20",
+    "C3D20RH": "C3D20R",
+    "C3D15H": "C3D15",
+    "C3D6H": "C3D6",
+    "S4RS": "S4",
+    "S4R5": "S4",
+    "S3RS": "S3",
+    "STRI3": "S3",
+    "STRI65": "S6",
+    "S8R5": "S8R",
+}
 
 
 @dataclass
@@ -64,7 +93,7 @@ class Deck:
         return {
             node
             for label, (kind, nodes) in self.elements.items()
-            if kind in TURNING and not self.types[label].startswith("T3D")
+            if kind in TURNING and not self.types[label].startswith(("T3D", "M3D"))
             for node in nodes
         }
 

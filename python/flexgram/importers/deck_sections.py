@@ -13,12 +13,13 @@ from flexgram.body.meshfile import AXES, LABELS, SOLIDS
 from flexgram.body.orientation import stiffness_places
 from flexgram.importers import deck_lines
 from flexgram.importers.ccx import Card, Job
-from flexgram.importers.deck import FORMULATIONS, SHELL_KINDS, Deck
+from flexgram.importers.deck import FORMULATIONS, SHELL_KINDS, TAKEN_AS, Deck
 from flexgram.importers.deck_distributions import Distribution, distributions_of
 from flexgram.importers.deck_materials import Orientation, laminas_of, orientations_of
 
 #: What *ELASTIC gives a material, one of these.
 MODULI = {"E", "E1", "stiffness", "viscoelastic"}  # a table holds them
+OF_SHELLS = ("SHELL SECTION", "MEMBRANE SECTION")
 #: Options of *SHELL SECTION that are followed.
 OPTIONS = {
     *("ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION", "ORIENTATION", "COMPOSITE"),
@@ -28,7 +29,7 @@ OPTIONS = {
 
 def _sections(job: Job) -> list[tuple[str, Card]]:
     """*SOLID SECTION, *SHELL SECTION and those of beams, each with the name of its region."""
-    known = ("SOLID SECTION", "SHELL SECTION", *deck_lines.CARDS)
+    known = ("SOLID SECTION", *OF_SHELLS, *deck_lines.CARDS)
     cards = [c for c in job.model if c.keyword in known]
     return [(f"section{number}", card) for number, card in enumerate(cards, 1)]
 
@@ -91,9 +92,9 @@ def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str
     found: dict[str, dict[str, Any]] = {}
     orientations, known = orientations_of(job), distributions_of(job)
     for region, card in _sections(job):
-        if card.keyword != "SHELL SECTION":
+        if card.keyword not in OF_SHELLS:
             continue
-        where = f"{job.path}: *SHELL SECTION, ELSET={card.options.get('ELSET', '')}"
+        where = f"{job.path}: *{card.keyword}, ELSET={card.options.get('ELSET', '')}"
         if others := sorted(set(card.options) - OPTIONS):
             raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
         rows = [words for words in card.words() if any(words)]
@@ -177,7 +178,7 @@ def turn_elements(
         if given is None or not given.varies:
             continue
         where = f"{job.path}: *{card.keyword}, ELSET={card.options.get('ELSET', '')}"
-        of_shells = card.keyword == "SHELL SECTION"
+        of_shells = card.keyword in OF_SHELLS
         first = _first_in_surface(given, abaqus=abaqus) if of_shells else 0
         for own in _parts(region, material_of):
             for block, chosen in enumerate(mesh.cell_sets[own]):
@@ -229,9 +230,9 @@ def regions_of(
     entries: dict[str, dict[str, str]] = {}
     for region, material in material_of.items():
         entries[region] = {"material": material} if material else {}
-        if region in sections:
-            entries[region]["section"] = region
-        _, _, formulation = region.partition("_")
+        section, _, formulation = region.partition("_")
+        if section in sections:
+            entries[region]["section"] = section
         if formulation:
             entries[region]["formulation"] = formulation
     return entries
@@ -252,7 +253,7 @@ def mesh_of(
     for region, card in _sections(job):
         name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
         where = f"{job.path}: *{card.keyword}, ELSET={name}, MATERIAL={material}"
-        of_shells = card.keyword == "SHELL SECTION"
+        of_shells = card.keyword in OF_SHELLS
         material = deck_lines.own_material(card) or material
         made_of = [material]
         if of_shells and "COMPOSITE" in card.options:
@@ -261,6 +262,9 @@ def mesh_of(
         known = [set(materials.get(one, ())) for one in made_of]
         if not of_shells and material in plane:
             raise BodyError(f"{where}: *ELASTIC, TYPE=LAMINA is of shells, not of solids")
+        if lost := sorted({one for one in made_of if one not in materials}):
+            name = f"there is no material {lost[0]}" if lost[0] else "it names no material"
+            raise BodyError(f"{where}: {name}; there are {', '.join(sorted(materials))}")
         if name not in deck.elsets or not all("rho" in k and MODULI & k for k in known):
             raise BodyError(f"{where}: needs elements, *ELASTIC and *DENSITY")
         expected = ("beams",) if card.keyword in deck_lines.CARDS else ("shells",)
@@ -271,15 +275,16 @@ def mesh_of(
             raise BodyError(f"{where}: its element {others[0]} is a {deck.types[others[0]]}")
         of_own = _thicknesses(job, deck, distributions, card, region) if of_shells else {}
         for label in deck.elsets[name]:
-            formulation = FORMULATIONS.get(deck.types[label])
+            written = deck.types[label]
+            formulation = FORMULATIONS.get(TAKEN_AS.get(written, written))
             own, _ = of_own.get(label, (region, 0.0))
             region_of[label] = own + (f"_{formulation}" if formulation else "")
             material_of[region_of[label]] = material
         given += len(set(deck.elsets[name]))
-    if len(region_of) < len(deck.elements):
+    if without := sorted(set(deck.elements) - set(region_of)):
         raise BodyError(
-            f"{job.path}: {len(deck.elements) - len(region_of)} elements have no *SOLID SECTION, "
-            "*SHELL SECTION or *BEAM SECTION"
+            f"{job.path}: {len(without)} elements have no *SOLID SECTION, *SHELL SECTION or *BEAM "
+            f"SECTION, first {without[0]} ({deck.types[without[0]]})"
         )
     groups: dict[tuple[str, str], list[int]] = {}  # labels by region and kind
     for label, region in region_of.items():
