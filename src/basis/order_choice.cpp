@@ -72,9 +72,13 @@ std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBox& 
   const double least = errors.least();
   if (const auto floor = errors.largest_floor(); floor.worst > 0.5 * tolerance)
     return text(
-        "the rounding of doubles may change %s by up to %.1e of it at %.5g Hz, at a "
-        "sharp resonance or because these outputs hardly respond to these inputs",
-        floor.of.c_str(), floor.worst, floor.omega / (2 * std::numbers::pi));
+        "the rounding of doubles may change %s by up to %.1e of it at %.5g Hz, %s",
+        floor.of.c_str(), floor.worst, floor.omega / (2 * std::numbers::pi),
+        floor.omega > 0
+            ? "at a sharp resonance or because these outputs hardly respond to these inputs"
+            : "where these outputs do not respond to these inputs (forces that a moment "
+              "asks of a support, for one): begin above 0 Hz ({band_hz} 1,…), or leave "
+              "them out ({outputs})");
   if (least > tolerance)
     return text("the medium model of order %d is good to %.1e only (see "
                 "{medium_order}, {cutoff})",

@@ -403,6 +403,7 @@ def _add_couplings(
         number = deck.index(job.path, coupling.reference) + 1
         if coupling.kind == "rigid" and set(entry["nodes"]) <= held:
             _ground(content, number)
+            remarks.append(f"{coupling.name} is no interface: its reference is held")
             continue
         if coupling.directions or number in held:
             if coupling.name in content["equations"]:

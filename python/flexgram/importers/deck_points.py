@@ -146,8 +146,7 @@ def points_of(job: Job, deck: Deck) -> DeckPoints:
         label, (kind, _) = next(iter(left.items()))
         raise BodyError(f"{job.path}: element {label} ({kind}) has no *{TYPES[kind][0]}")
     if found.masses or found.springs:
-        found.remarks.append(
-            f"{len(found.masses)} point masses and {len(found.springs)} springs and dashpots of "
-            "the deck are part of the body"
-        )
+        counts = {"point masses": len(found.masses), "springs and dashpots": len(found.springs)}
+        said = " and ".join(f"{count} {what}" for what, count in counts.items() if count)
+        found.remarks.append(f"of the deck are part of the body: {said}")
     return found

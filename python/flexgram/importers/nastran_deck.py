@@ -69,6 +69,7 @@ PASSED = (
         "RADBC",
     ),
 )
+WELDS = {"CWELD", "CFAST", "CSEAM"}
 #: Cards that change a material by its temperature, if case control gives one.
 BY_TEMPERATURE = ("MATT1", "MATT2", "MATT8", "MATT9", "TABLEM")
 #: Cards that are read here.
@@ -259,6 +260,7 @@ class BulkDeck:
             raise BodyError(
                 f"{self.path}: {said}: not followed, and may say something of stiffness or mass; "
                 "--ignore CARD passes over one"
+                + (" (without its welds the sheets are apart)" if WELDS & set(unknown) else "")
             )
         if passed := sorted(self.ignore & set(counts)):
             self.remarks.append(f"passed over: {', '.join(f'{c} ({counts[c]})' for c in passed)}")
