@@ -75,7 +75,8 @@ std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBox& 
         "the rounding of doubles may change %s by up to %.1e of it at %.5g Hz, %s",
         floor.of.c_str(), floor.worst, floor.omega / (2 * std::numbers::pi),
         floor.omega > 0
-            ? "at a sharp resonance or because these outputs hardly respond to these inputs"
+            ? "at a sharp resonance or because these outputs hardly respond to these "
+              "inputs"
             : "where these outputs do not respond to these inputs (forces that a moment "
               "asks of a support, for one): begin above 0 Hz ({band_hz} 1,…), or leave "
               "them out ({outputs})");
