@@ -79,7 +79,7 @@ def test_the_pages_of_the_rack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     """reducing.md with the output that it shows, then the Python of python.md."""
     said = in_bash(shell("docs/reducing.md", "flexgram import"), tmp_path)
     (shown,) = [text for language, text in blocks("docs/reducing.md") if language == "text"]
-    slow = ("done after", "s left")  # of a busy machine
+    slow = ("done after", "s left", "  krylov: ", "  time  ")  # of a busy machine
     plain = [line for line in said.splitlines() if not any(word in line for word in slow)]
     at = plain.index(shown.splitlines()[0])
     for line, printed in zip(shown.splitlines(), plain[at:], strict=False):
@@ -131,6 +131,32 @@ def test_a_blade(tmp_path: Path) -> None:
     import_description(content, "blade", tmp_path / "blade.h5", mesh=mesh)
     in_bash(shell("docs/rotors.md", "flexgram reduce blade.h5"), tmp_path)
     assert (tmp_path / "campbell.png").exists() and (tmp_path / "blade400.rom.h5").exists()
+
+
+def test_the_tutorial(tmp_path: Path) -> None:
+    """Its programs and commands in their order, and the lines that it shows."""
+    for module in ("gmsh", "exudyn"):
+        pytest.importorskip(module)
+    (tmp_path / ".venv" / "bin").mkdir(parents=True)
+    (tmp_path / ".venv" / "bin" / "activate").touch()
+    (tmp_path / "scripts").mkdir()
+    shutil.copy(ROOT / "scripts" / "mpi-environment", tmp_path / "scripts")
+    programs, said, shown = ["draw.py", "move.py"], "", 0
+    in_bash(blocks("docs/tutorial.md")[0][1], tmp_path)
+    for language, text in blocks("docs/tutorial.md")[1:]:
+        if language == "python":
+            name = programs.pop(0)
+            (tmp_path / name).write_text(text)
+            said = in_bash(f"MPLBACKEND=Agg python3 {name}", tmp_path)
+        elif language == "text":
+            shown += 1
+            number = r"\d[\d.]*(e[-+]?\d+)?"
+            plain = re.sub(number, "#", said)
+            for line in text.splitlines():
+                assert re.sub(number, "#", line.partition("…")[0]).strip() in plain
+        else:
+            said = in_bash(text, tmp_path)
+    assert shown == 3 and (tmp_path / "neck.svg").stat().st_size > 5000
 
 
 def test_questions(tmp_path: Path) -> None:
