@@ -229,6 +229,14 @@ def describe(spots: list[HotSpot]) -> list[str]:
         more = f", elements: {list(spot.elements)}" if spot.elements else ""
         more += f", side: {spot.side}" if spot.side else ""
         lines.append(f"  spot{k}: {{type: stress, nodes: [{spot.node}]{more}}}")
+    if not any(spot.elements for spot in spots):
+        lines.append(
+            "or by the command line of the import (places in its units; these are metres):"
+        )
+        for k, spot in enumerate(spots, 1):
+            side = f"/{spot.side}" if spot.side else ""
+            place = ",".join(f"{x:.6g}" for x in spot.place)
+            lines.append(f"  --measure spot{k}=stress{side}:AT:{place}")
     return lines
 
 
