@@ -258,7 +258,10 @@ def _ports_left(
     inputs = [i for i, p in enumerate(parts.inputs) if _interface(p) not in gone]
     outputs = [i for i, p in enumerate(parts.outputs) if _interface(p) not in gone]
     if not inputs or not outputs:
-        raise BodyError("every interface is joined and no port is left: keep one (--keep)")
+        raise BodyError(
+            "every interface is joined and no port is left: keep one (--keep); springs and dampers "
+            "take that of their interface, too"
+        )
     return inputs, outputs
 
 

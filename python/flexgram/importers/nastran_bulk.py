@@ -23,6 +23,7 @@ from flexgram.importers.nastran_elements import Elements
 from flexgram.importers.nastran_equations import Equations
 from flexgram.importers.nastran_points import PointElements
 from flexgram.importers.nastran_rigid import RigidElements
+from flexgram.importers.nastran_welds import Welds
 
 
 def assemble_bulk(
@@ -122,6 +123,7 @@ class _Bulk:
             self.points.add_spring(number, element)
         for number, mass in sorted(deck.model.masses.items()):
             self.points.add_mass(int(number), mass)
+        self.welds = Welds(deck, elements, self.points, self.equations)
         self.rigid = RigidElements(deck, elements, self.points, self.equations)
         self.equations.arms()
         self.equations.read_mpc(self.rigid.references)
@@ -144,7 +146,7 @@ class _Bulk:
                 "CBAR have none"
             )
         alone = [self.deck.at(label) + 1 for label in sorted(self.elements.alone)]
-        alone += [*self.elements.scalars.values(), *self.points.scalars.nodes]
+        alone += [*self.elements.scalars.values(), *self.points.scalars.nodes, *self.welds.nodes]
         if alone:
             content["nodes_alone"] = alone
             hold_untouched(content, self.elements.mesh().points)

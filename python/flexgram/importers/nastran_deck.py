@@ -69,7 +69,6 @@ PASSED = (
         "RADBC",
     ),
 )
-WELDS = {"CWELD", "CFAST", "CSEAM"}
 #: Cards that change a material by its temperature, if case control gives one.
 BY_TEMPERATURE = ("MATT1", "MATT2", "MATT8", "MATT9", "TABLEM")
 #: Cards that are read here.
@@ -97,6 +96,10 @@ READ = {
         "PBUSH",
         "CSHEAR",
         "PSHEAR",
+        "CFAST",
+        "PFAST",
+        "CWELD",
+        "PWELD",
         "CONM1",
         "CONM2",
         "CMASS1",
@@ -260,7 +263,6 @@ class BulkDeck:
             raise BodyError(
                 f"{self.path}: {said}: not followed, and may say something of stiffness or mass; "
                 "--ignore CARD passes over one"
-                + (" (without its welds the sheets are apart)" if WELDS & set(unknown) else "")
             )
         if passed := sorted(self.ignore & set(counts)):
             self.remarks.append(f"passed over: {', '.join(f'{c} ({counts[c]})' for c in passed)}")
@@ -273,6 +275,18 @@ class BulkDeck:
                 "SDAMPING of case control, damping by modes (TABDMP1), is left out (--zeta, or "
                 "--eta)"
             )
+
+    def rejected(self, card: str) -> list[list[str]]:
+        """Fields of cards that pyNastran does not know, blank ones empty."""
+        from pyNastran.bdf.bdf_interface.utils import to_fields
+
+        found = []
+        for _, *lines in self.model.reject_lines:  # a comment comes first
+            if lines and lines[0].split(",")[0].split()[0].upper().rstrip("*") == card:
+                with named(self.path, f"{card} is not understood"):
+                    fields = to_fields(lines, card)
+                    found.append([str(f or "").strip() for f in [*fields, *16 * [""]]][:40])
+        return found
 
     def remark(self, words: str) -> None:
         """Say it once."""

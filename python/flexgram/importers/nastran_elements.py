@@ -58,6 +58,7 @@ class Elements:
         self.regions: dict[str, dict[str, Any]] = {}
         self.groups: dict[tuple[str, str], tuple[list[list[int]], list[int]]] = {}
         self.later: list[tuple[int, Any]] = []  #: springs, and rods that resist twist
+        self.fasteners: list[tuple[int, Any]] = []
         self.arms: list[Arm] = []  #: of beams beside their grids, or with pins
         self.at_offsets: dict[tuple[int, bytes], int] = {}  #: those without pins
         self.ends: list[Floats] = []  #: new nodes, behind the grids
@@ -115,6 +116,8 @@ class Elements:
 
     def add(self, number: int, element: Any) -> None:
         kind = element.type
+        if kind == "CFAST":
+            return self.fasteners.append((number, element))
         nodes = [int(n) for n in element.node_ids if n]
         full = f"{kind}{len(nodes)}"
         ours = {**SOLIDS, **WEDGE}.get(full)

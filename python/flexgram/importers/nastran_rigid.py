@@ -236,7 +236,8 @@ class RigidElements:
     def _attach(self) -> None:
         """Masses and springs at the grid of an RBE2 are its interface's; others need elements."""
         known = {self.deck.at(label) + 1 for label in self.elements.used}
-        known |= {*self.elements.scalars.values(), *self.points.scalars.nodes}
+        behind = len(self.deck.points) + 1  # nodes that are no grids
+        known |= set(range(behind, behind + len(self.elements.ends)))
         for entries in (self.points.masses, self.points.springs):
             for name, entry in list(entries.items()):
                 for nodes, interface in (("nodes", "at"), ("to_nodes", "to")):

@@ -1,0 +1,228 @@
+"""Spot welds and fasteners of Nastran bulk data, CWELD and CFAST, between two sheets of shells.
+
+Each end of a weld is a node of its own. It moves as four points around it, which lie on the sheet:
+with their mean, and turned as their displacements say (least squares, as RBE3). A spring between
+both ends is the weld: the stiffness of a CFAST, or of a short beam of the weld's diameter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexgram.basics import Floats, Ints
+from flexgram.body.face_integrals import face_functions
+from flexgram.body.ties import tied
+from flexgram.importers.alone import COMPONENTS, Row
+from flexgram.importers.nastran_deck import BulkDeck
+from flexgram.importers.nastran_elements import Elements
+from flexgram.importers.nastran_equations import Equations
+from flexgram.importers.nastran_points import PointElements
+
+#: Shells that welds join; of second order by their corners.
+CORNERS = {"CQUAD4": 4, "CQUADR": 4, "CQUAD8": 4, "CTRIA3": 3, "CTRIAR": 3, "CTRIA6": 3}
+#: Of a weld's length over its diameter.
+LEAST, MOST = 0.2, 5.0
+
+
+@dataclass(frozen=True)
+class Weld:
+    """What a card says.
+
+    Attributes
+    ----------
+    card, number
+        For messages.
+    where : (2, 3) array
+        Points beside its ends.
+    sheets : pair of lists of (k,) int arrays
+        Faces of both sheets: indices of their nodes.
+    prop : pyNastran's PFAST, or the fields of a PWELD.
+    """
+
+    card: str
+    number: int
+    where: Floats
+    sheets: tuple[list[Ints], list[Ints]]
+    prop: Any
+
+
+class Welds:
+    """Nodes, springs, masses and equations of all welds of a deck."""
+
+    def __init__(
+        self, deck: BulkDeck, elements: Elements, points: PointElements, equations: Equations
+    ) -> None:
+        self.deck, self.elements, self.points = deck, elements, points
+        self.equations = equations
+        self.nodes: list[int] = []  #: from 1
+        self._faces: dict[int, list[Ints]] = {}  #: by property
+        for number, element in elements.fasteners:
+            self._add(self._fastener(number, element))
+        for fields in deck.rejected("CWELD"):
+            self._add(self._weld(fields))
+
+    def _sheet(self, card: str, number: int, pid: int | None, eid: int | None = None) -> list[Ints]:
+        """Faces of a property, or of that of an element."""
+        model = self.deck.model
+        if eid is not None:
+            if eid not in model.elements or model.elements[eid].type not in CORNERS:
+                raise self.deck.refuse(card, number, f"element {eid} is no shell")
+            pid = int(model.elements[eid].pid)
+        if pid is None:
+            raise self.deck.refuse(card, number, "it does not say what it joins")
+        if pid not in self._faces:
+            self._faces[pid] = [
+                np.array([self.deck.at(int(n)) for n in e.node_ids[: CORNERS[e.type]]])
+                for e in model.elements.values()
+                if e.type in CORNERS and int(e.pid) == pid
+            ]
+        if not self._faces[pid]:
+            raise self.deck.refuse(card, number, f"property {pid} has no shells")
+        return self._faces[pid]
+
+    def _place(self, card: str, number: int, *grids: Any) -> Floats:
+        """Points beside both ends: of GS, or of GA and GB."""
+        gs, ga, gb = (int(g) if g else None for g in grids)
+        if ga and gb:
+            given = [ga, gb]
+        elif gs:
+            given = [gs, gs]
+        else:
+            raise self.deck.refuse(card, number, "its place is no grid (GS, or GA and GB)")
+        return self.deck.points[[self.deck.at(n) for n in given]]
+
+    def _fastener(self, number: int, element: Any) -> Weld:
+        prop = self.deck.model.properties.get(element.pid)
+        if prop is None or prop.type != "PFAST":
+            raise self.deck.refuse("CFAST", number, "needs a PFAST")
+        where = self._place("CFAST", number, element.gs, element.ga, element.gb)
+        key = "pid" if element.Type == "PROP" else "eid"
+        sheets = [
+            self._sheet("CFAST", number, **{"pid": None, key: int(i)})
+            for i in (element.ida, element.idb)
+        ]
+        return Weld("CFAST", number, where, (sheets[0], sheets[1]), prop)
+
+    def _weld(self, fields: list[str]) -> Weld:
+        number, kind = int(fields[1]), fields[4].upper()
+        where = self._place("CWELD", number, fields[3], fields[5], fields[6])
+        key = {"PARTPAT": "pid", "ELPAT": "eid", "ELEMID": "eid"}.get(kind)
+        if key is None:
+            raise self.deck.refuse("CWELD", number, f"{kind or 'its form'} is not followed")
+        sheets = [
+            self._sheet("CWELD", number, **{"pid": None, key: int(word)}) for word in fields[9:11]
+        ]
+        found = [row for row in self.deck.rejected("PWELD") if row[1] == fields[2]]
+        if not found:
+            raise self.deck.refuse("CWELD", number, f"there is no PWELD {fields[2]}")
+        return Weld("CWELD", number, where, (sheets[0], sheets[1]), found[0])
+
+    def _add(self, weld: Weld) -> None:
+        diameter = float(weld.prop[3] if weld.card == "CWELD" else weld.prop.d)
+        if not diameter > 0:
+            raise self.deck.refuse(weld.card, weld.number, "its diameter must be positive")
+        feet = [self._foot(weld, k) for k in (0, 1)]
+        line = feet[1][0] - feet[0][0]
+        length = float(np.linalg.norm(line))
+        x = line / length if length > 1e-6 * diameter else feet[0][1]
+        y = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
+        y /= np.linalg.norm(y)
+        axes = np.kron(np.eye(2), np.array([x, y, np.cross(x, y)]))
+        stiffness, mass, loss = (
+            self._beam(weld, diameter, length) if weld.card == "CWELD" else self._springs(weld)
+        )
+        ends = []
+        for side, (place, normal) in enumerate(feet):
+            self.elements.ends.append(place)
+            node = len(self.deck.points) + len(self.elements.ends)
+            self.nodes.append(node)
+            ends.append(node)
+            self._follow(weld, side, node, place, normal, diameter)
+        name = f"{weld.card.lower()}{weld.number}"
+        entry: dict[str, Any] = {"nodes": [ends[0]], "to_nodes": [ends[1]]}
+        entry["stiffness"] = (axes.T @ np.diag(stiffness) @ axes).tolist()
+        entry |= {"loss_factor": loss} if loss else {}
+        self.points.springs[name] = entry
+        if mass:
+            self.points.masses[name] = {"nodes": ends, "mass": mass / 2}
+
+    def _foot(self, weld: Weld, side: int) -> tuple[Floats, Floats]:
+        """Next to a point on a sheet: the place, and the normal there."""
+        (weights, face), *_ = self._on_sheet(weld, side, weld.where[side : side + 1])
+        x = self.deck.points[face]
+        normal = np.cross(x[2] - x[0], x[-1] - x[1] if len(x) == 4 else x[2] - x[1])
+        return weights @ x, normal / np.linalg.norm(normal)
+
+    def _on_sheet(self, weld: Weld, side: int, places: Floats) -> list[tuple[Floats, Ints]]:
+        """Of points, the nodes of the face next to each, with their weights."""
+        count = len(self.deck.points)
+        points = np.vstack([self.deck.points, places])
+        by_width: dict[int, list[Ints]] = {}
+        for face in weld.sheets[side]:
+            by_width.setdefault(len(face), []).append(face)
+        groups = [np.array(faces) for faces in by_width.values()]
+        ties, _ = tied(points, groups, count + np.arange(len(places)), np.inf)
+        found = []
+        for face, xi in zip(ties.faces, ties.xi, strict=True):
+            N, _ = face_functions(len(face), xi[None])
+            found.append((N[0], np.asarray(face)))
+        return found
+
+    def _follow(
+        self, weld: Weld, side: int, node: int, place: Floats, normal: Floats, diameter: float
+    ) -> None:
+        """Equations of an end: a square of the weld's area around it."""
+        first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+        first *= np.sqrt(np.pi) * diameter / 4 / np.linalg.norm(first)
+        second = np.cross(normal, first)
+        around = [a * first + b * second for a in (-1, 1) for b in (-1, 1)]
+        met = self._on_sheet(weld, side, place + np.array(around))
+        arms = [weights @ self.deck.points[face] - place for weights, face in met]
+        moved = np.vstack([np.hstack([np.eye(3), -_cross(arm)]) for arm in arms])
+        fit = np.linalg.pinv(moved)  # (6, 12)
+        rows: list[Row] = []
+        for c in range(6):
+            terms: Row = [[node, COMPONENTS[c], 1.0]]
+            for k, (weights, face) in enumerate(met):
+                for weight, n in zip(weights, face.tolist(), strict=True):
+                    terms += [
+                        [n + 1, COMPONENTS[a], -float(weight * fit[c, 3 * k + a])]
+                        for a in range(3)
+                        if abs(weight * fit[c, 3 * k + a]) > 1e-14
+                    ]
+            rows.append(terms)
+        name = f"of_{weld.card.lower()}s"
+        self.equations.entries.setdefault(name, {"terms": []})["terms"] += rows
+
+    def _springs(self, weld: Weld) -> tuple[list[float], float, float]:
+        """Stiffness along and about the axes of a CFAST, mass and loss factor."""
+        prop = weld.prop
+        stiffness = [float(getattr(prop, f"k{kind}{k}") or 0.0) for kind in "tr" for k in (1, 2, 3)]
+        if stiffness[1] != stiffness[2] or stiffness[4] != stiffness[5]:
+            raise self.deck.refuse("PFAST", prop.pid, "KT2 and KT3, or KR2 and KR3, differ")
+        wtmass = self.deck.param("WTMASS") or 1.0
+        return stiffness, float(prop.mass or 0.0) * wtmass, float(prop.ge or 0.0)
+
+    def _beam(self, weld: Weld, diameter: float, length: float) -> tuple[list[float], float, float]:
+        """The same of a round beam between the ends, no shorter than a fifth of its diameter and no
+        longer than five."""
+        card = self.deck.model.materials.get(int(weld.prop[2]))
+        if card is None or card.type != "MAT1":
+            raise self.deck.refuse("PWELD", int(weld.prop[1]), "needs a MAT1")
+        E, G = float(card.e), float(card.g)
+        L = float(np.clip(length, LEAST * diameter, MOST * diameter))
+        A, inertia = np.pi * diameter**2 / 4, np.pi * diameter**4 / 64
+        shear = 12 * E * inertia / (0.9 * G * A * L**2)
+        across = 12 * E * inertia / L**3 / (1 + shear)
+        turn = E * inertia / L
+        mass = float(card.rho or 0.0) * A * length * (self.deck.param("WTMASS") or 1.0)
+        stiffness = [E * A / L, across, across, 2 * G * inertia / L, turn, turn]
+        return [float(k) for k in stiffness], mass, float(card.ge or 0.0)
+
+
+def _cross(a: Floats) -> Floats:
+    """[a ×]"""
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0.0]])
