@@ -212,3 +212,17 @@ def test_systems_by_grdset(tmp_path: Path) -> None:
         found.append(assembled(tmp_path / "m.h5", tmp_path / "p.h5")["K"].toarray())
     assert np.array_equal(found[0], found[1])
     assert found[2].shape != found[0].shape or not np.allclose(found[2], found[0])
+
+
+def test_elements_with_the_same_grids(tmp_path: Path) -> None:
+    """All of them count, as in Nastran, and so do they in K and M; it is said."""
+    found = []
+    for more in ("", "CQUAD4,900,1,10,20,50,40\n"):
+        (tmp_path / "p.bdf").write_text(plate(more))
+        facts = assemble_bulk(
+            tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")]
+        )
+        said = " ".join(facts["remarks"])
+        assert ("1 elements have the same grids as others, as 900 those of" in said) == bool(more)
+        found.append(assembled(tmp_path / "m.h5", tmp_path / "p.h5")["M"].sum())
+    assert found[1] > 1.02 * found[0]

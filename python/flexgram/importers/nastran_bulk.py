@@ -97,7 +97,7 @@ def assemble_bulk(
             if value is not None
         },
     }
-    content |= further_keys(merge, keep_repeated, spin, preload)
+    content |= further_keys(merge, bulk.elements.repeats() or keep_repeated, spin, preload)
     counts = import_description(
         content, str(path), output, inputs=[path], mesh=bulk.elements.mesh()
     )

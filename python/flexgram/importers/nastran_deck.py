@@ -329,6 +329,9 @@ class BulkDeck:
                 which = "the first subcase" if chosen else "case control"
                 self.remarks.append(f"{which} chooses no {kind}{free}{others}")
             return []
+        if chosen[0] not in numbers:
+            self.remarks.append(f"{kind} {chosen[0]}, which case control chooses, is not there")
+            return []
         if len(set(chosen)) > 1:
             self.remarks.append(f"{kind} {chosen[0]} of the first subcase counts; others differ")
         return chosen[:1]

@@ -101,6 +101,22 @@ class Elements:
             cell_data={LABELS: [np.array(self.groups[key][1]) for key in keys]} | self._axes(),
         )
 
+    def repeats(self) -> bool:
+        """Whether elements have the same grids, which is said."""
+        seen: dict[tuple[int, ...], int] = {}
+        pairs = []
+        for cells, labels in self.groups.values():
+            for cell, label in zip(cells, labels, strict=True):
+                first = seen.setdefault(tuple(sorted(cell)), label)
+                pairs += [(first, label)] if first != label else []
+        if pairs:
+            a, b = pairs[0]
+            self.deck.remark(
+                f"{len(pairs)} elements have the same grids as others, as {b} those of {a}: all "
+                "count, as in Nastran"
+            )
+        return bool(pairs)
+
     def _axes(self) -> dict[str, list[Floats]]:
         """Cell data ``AXES``, of elements with fibres."""
         if not self.fibres:

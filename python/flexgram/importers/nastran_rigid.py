@@ -147,20 +147,10 @@ class RigidElements:
 
     def _move(self, name: str, reference: int, nodes: list[int], coupled: str) -> None:
         """A grid moves others as a rigid body."""
-        where = f"{self.deck.path}: {name.upper().replace('_', ' ')}"
         if set(coupled) != set("123456"):
             if not set("123") <= set(coupled) or self.elements.turning & set(nodes):
-                if reference not in self.elements.used:
-                    raise BodyError(
-                        f"{where}: it couples {coupled} only, and its grid {reference} belongs "
-                        "to no element"
-                    )
+                self.elements.take_alone({reference, *nodes} - self.elements.used)
                 for n in nodes:
-                    if n not in self.elements.used:
-                        raise BodyError(
-                            f"{where}: it couples {coupled} only, and its grid {n} belongs to no "
-                            "element"
-                        )
                     self.equations.follow(name, n, reference, sorted(map(int, coupled)))
                 return
             self.loose.update(nodes)
