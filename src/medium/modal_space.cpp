@@ -1,5 +1,6 @@
 #include "medium/modal_space.hpp"
 
+#include "base/process.hpp"
 #include "base/text.hpp"
 #include "medium/cutoff.hpp"
 #include "medium/lanczos.hpp"
@@ -69,11 +70,13 @@ double angle_of_modes(const CertifyRun& run, const ModalSpace& modal) {
   return loss < 1e-5 ? 1e-3 : 3.0;
 }
 
+/// Krylov vectors for each mode that plates of solids took, from the cutoff and from within.
+constexpr double from_cutoff = 2.7, from_within = 1.9;
+
 /// Where many modes are searched from [rad²/s²]: at the cutoff, or lower, where fewer Krylov vectors
-/// serve both ends of the spectrum, if these save more than two factorisations cost. By flops, with
-/// the vectors a mode that plates of solids took.
+/// serve both ends of the spectrum, if these save more than two factorisations cost. By flops.
 double search_shift(const CertifyRun& run, const ModalSpace& modal) {
-  constexpr double from_cutoff = 2.7, from_within = 1.9, within = 0.35;
+  constexpr double within = 0.35;
   const FactorEstimate& factor = run.factors.estimate();
   const auto flops = [&](double columns_of_a_mode) {
     const double columns = columns_of_a_mode * modal.elastic;
@@ -82,6 +85,20 @@ double search_shift(const CertifyRun& run, const ModalSpace& modal) {
   };
   const bool pays = flops(from_cutoff) - flops(from_within) > 2 * factor.flops;
   return (pays ? within : 1) * modal.cutoff * modal.cutoff;
+}
+
+/// What the run will take with the vectors of many modes, of which there are 2.6 times as many as
+/// Lanczos has, at most at a time: what it needs, what the residuals are made of, their images.
+void tell_memory(const CertifyRun& run, double modes, bool within) {
+  constexpr double copies = 2.6;
+  const double columns = (within ? from_within : from_cutoff) * modes,
+               each = 8e-6 * static_cast<double>(run.fom.rows.size()),
+               most =
+                   max_over(run.fom.comm, resident_memory_mb() + copies * columns * each);
+  run.observer.fact("memory", text("the run about %.0f MB on a rank, with the vectors of "
+                                   "%.0f modes",
+                                   most, modes));
+  run.observer.print(); // before it is used
 }
 
 /// K − σM for a σ near this that is no eigenvalue. @return σ
@@ -99,10 +116,12 @@ void add_many_modes(const CertifyRun& run, const Start& start, ModalSpace& modal
                     Block response, int ports) {
   Stage stage(run.observer, "modes");
   const double cutoff = modal.cutoff * modal.cutoff;
+  const double sigma = search_shift(run, modal);
+  tell_memory(run, modal.elastic, sigma < cutoff);
   constexpr int samples = 16;
   const double target = std::sqrt(run.spec.target); // errors of H are products of two
   LanczosSpec spec{.product = modal.space->product(),
-                   .shift = hold_regular(run, search_shift(run, modal)),
+                   .shift = hold_regular(run, sigma),
                    .cutoff = cutoff,
                    .expected = modal.elastic,
                    .enough = std::min(angle_of_modes(run, modal),
