@@ -77,8 +77,9 @@ std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBox& 
         floor.omega > 0
             ? "at a sharp resonance or because these outputs hardly respond to these "
               "inputs"
-            : "where these outputs do not respond to these inputs (forces that a moment "
-              "asks of a support, for one): begin above 0 Hz ({band_hz} 1,…), or leave "
+            : "where these outputs do not respond to these inputs (the force of a "
+              "support "
+              "under a moment, for one): begin above 0 Hz ({band_hz} 1,…), or leave "
               "them out ({outputs})");
   if (least > tolerance)
     return text("the medium model of order %d is good to %.1e only (see "

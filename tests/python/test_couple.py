@@ -249,7 +249,7 @@ def test_parts_of_a_beam_are_the_beam(relative_to: str, tmp_path: Path) -> None:
     model = ReducedModel.load(tmp_path / "ab.rom.h5")
     assert model.kind == model.label == "certified" and "everywhere in the band" in said
     seen = run("view", tmp_path / "ab.rom.h5", "-o", tmp_path / "ab.html").out
-    assert "has no mesh: look at its parts" in seen
+    assert "has no mesh: take one of its parts" in seen
     run("assemble", "-body", tmp_path / "whole.h5", "-body_out", tmp_path / "matrices.h5")
     full = body_system(tmp_path / "matrices.h5")
     names = [f"left.start.{f}" for f in ("fx", "fy", "fz", "mx", "my", "mz")]

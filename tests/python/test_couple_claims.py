@@ -81,7 +81,7 @@ def test_what_is_no_assembly() -> None:
         ([Joint("p0.a", "p1.a", stiffness={"x": -3.0})], "x = -3.0 must be positive"),
         ([Joint("p0.a", "p1.a", damping={"x": float("nan")})], "x = nan must be positive"),
         ([Joint("p0.a", "p1.a"), Joint("p0.a", "p1.a", ["x"])], "hold the same motion"),
-        ([Joint("p0.a", "p1.a"), Joint("p0.b", "p1.b")], "no port is left"),
+        ([Joint("p0.a", "p1.a"), Joint("p0.b", "p1.b")], "and no port is left"),
     ):
         with pytest.raises(BodyError, match=words):
             couple(parts, joints)

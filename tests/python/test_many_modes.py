@@ -87,7 +87,7 @@ def test_the_claim_holds_and_all_modes_are_there(name: str) -> None:
     assert rom.met and rom.kind.startswith("certified")
     plan = dict(rom.provenance.plan)
     assert plan["search"].startswith("block Lanczos")
-    assert plan["memory"].endswith(f"with the vectors of {plan['modes'].split()[0]} modes")
+    assert "MB on a rank, with the vectors of" in plan["memory"]
     below = np.sum(own < last * 1.1) - (name == "free")
     assert int(plan["modes"].split()[0]) == below, "by the inertia, and all of them found"
     here = [w for w in np.linspace(first, last, 41) if np.abs(own - w).min() > 1e-4 * w]

@@ -129,6 +129,18 @@ def test_an_oblique_panel(angle: float) -> None:
     assert np.abs(panel_stiffness(x) @ np.cross([0.2, -0.5, 0.7], x).ravel()).max() < 1e-6
 
 
+@pytest.mark.parametrize("ratio", [1.25, 2, 3])
+def test_a_trapezoid(ratio: float) -> None:
+    """Garvey: the flow falls with the square of the distance from the apex, so that its energy is
+    an integral over the height alone."""
+    x = np.array([[0, -ratio / 2, 0], [1, -0.5, 0], [1, 0.5, 0], [0, ratio / 2, 0.0]])
+    near, slope = 1 / (ratio - 1), (ratio - 1) / 2  # of the apex from the short side
+    far = near + 1
+    flow = 4 / (1 / near**2 + 1 / far**2 + 2 / (near * far))  # mean of one along the four edges
+    energy = flow**2 * slope * (1 / near**2 - 1 / far**2) * (1 + 2 / 3 * slope**2 / (1 + NU))
+    assert panel_of(x, NU)[2] == pytest.approx(energy, rel=1e-9)
+
+
 def test_a_tapered_and_a_warped_panel_are_in_equilibrium() -> None:
     tapered = np.array([[0, 0, 0], [1.0, 0.1, 0], [1.1, 0.5, 0], [0, 0.9, 0]])
     warped = tapered + np.array([[0, 0, 0.05], [0, 0, 0], [0, 0, 0.05], [0, 0, 0]])
@@ -229,3 +241,49 @@ def test_loss_factors_of_a_bush(tmp_path: Path) -> None:
             springs = [spring.attrs for spring in file["springs"].values()]
             S = sum(of["loss_factor"] * np.reshape(of["stiffness"], (6, 6)) for of in springs)
         np.testing.assert_allclose(np.diag(S)[:3], np.array(expected) * [1e5, 2e5, 3e5])
+
+
+def test_scalars_at_the_grid_of_a_rigid_element(tmp_path: Path) -> None:
+    """An absorber there, and masses of every kind on a grid that it moves."""
+    rigid = "GRID,500,,1.,0.1,0.\nRBE2,95,500,123456,5\n"
+    scalar = "SPOINT,91\nCELAS2,90,1.+5,{grid},2,91\nCMASS4,92,0.4,91\n"
+    found: list[Any] = []
+    for cards in (rigid + scalar.format(grid=500), scalar.format(grid=5)):
+        text = bars(PLAIN).replace("ENDDATA", cards + "ENDDATA")
+        a = body_of(tmp_path, text, "tip=NODES:4")
+        f = a["B"][:, a["names"].index("tip.fy")]
+        found.append(f @ np.linalg.solve((a["K"] - 400.0**2 * a["M"]).toarray(), f))
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    moved = "GRID,501,,1.1,0.1,0.\nRBE2,96,5,123456,501\n"
+    found = []
+    for mass in ("CONM2,77,501,,5.\n", "CONM1,77,501,0,5.,,5.,,\n,5.\n", ""):
+        text = bars(PLAIN).replace("ENDDATA", moved + mass + "ENDDATA")
+        found.append(body_of(tmp_path, text, "tip=NODES:4")["M"].sum())
+    assert found[0] == pytest.approx(found[1], rel=1e-9) and found[0] > found[2] + 4.9
+
+
+def test_what_turns_at_solids_is_held(tmp_path: Path) -> None:
+    """A CBUSH in one place, and a CELAS about an axis, as AUTOSPC does."""
+    lines = ["SOL 103\nCEND\nBEGIN BULK\nPARAM,COUPMASS,1\n"]
+    for k in range(8):
+        x, y, z = k & 1, (k >> 1) & 1, k >> 2
+        lines.append(f"GRID,{k + 1},,{x}.,{y}.,{z}.\nGRID,{k + 11},,{x + 1}.,{y}.,{z}.\n")
+    lines.append("CHEXA,1,1,1,2,4,3,5,6,\n,8,7\nCHEXA,2,1,11,12,14,13,15,16,\n,18,17\n")
+    lines.append("PSOLID,1,1\nMAT1,1,2.1+11,,0.3,7850.\nENDDATA\n")
+    cards = "CBUSH,9,9,2,11,,,,0\nPBUSH,9,K,1.+8,2.+8,3.+8,1.+5,1.+5,1.+5\nCELAS2,90,1.+5,1,5\n"
+    plain = body_of(tmp_path, "".join(lines), "tip=NODES:1")["K"].toarray()
+    text = "".join(lines).replace("ENDDATA", cards + "ENDDATA")
+    more = body_of(tmp_path, text, "tip=NODES:1")["K"].toarray()
+    values = np.linalg.eigvalsh(more - plain)
+    np.testing.assert_allclose(values[-3:], [2e8, 4e8, 6e8], rtol=1e-6)
+
+
+def test_grids_of_panels_alone(tmp_path: Path) -> None:
+    """Panels with rods of their own along their edges need no other element there."""
+    grids = "".join(f"GRID,9{k},,{1 + k % 2}.,{k // 2}.,0.\n" for k in range(4))
+    panel = "CSHEAR,99,9,90,91,93,92\nPSHEAR,9,1,1.-3,,1.,1.\nRBE2,98,5,123456,90\n"
+    panel += "SPC1,1,3,91,92,93\n"
+    text = bars(PLAIN).replace("ENDDATA", grids + panel + "ENDDATA")
+    a = body_of(tmp_path, text, "tip=NODES:4")
+    assert "0 of 6 rigid motions are free" in a["facts"]["summary"]
+    assert np.linalg.eigvalsh(a["K"].toarray())[0] > -1e-6

@@ -83,7 +83,7 @@ def test_a_fastener(kind: str, ranks: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "form", ["PARTPAT\n,1,2", "ELPAT\n,1024,2022", "ELEMID,,,,,+\n+,1024,2024"]
+    "form", ["PARTPAT\n,1,2", "ELPAT\n,1024,2022", "ELEMID,,,,,+\n+,1024,2022"]
 )
 def test_a_weld(form: str, tmp_path: Path) -> None:
     """A short round beam, whose length is no less than a fifth of its diameter."""
@@ -115,7 +115,7 @@ def test_welded_sheets_are_free(weld: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("weld", "words"),
     [
-        (FAST.replace(",300", ""), "CFAST 90: its place is no grid"),
+        (FAST.replace(",300", ""), "CFAST 90: its place must be given by GS"),
         (FAST.replace("PROP,1,2", "ELEM,1000,7"), "CFAST 90: element 7 is no shell"),
         (FAST.replace("1.+7,1.+7", "1.+7,2.+7"), "KT2 and KT3"),
         (WELD.replace("PARTPAT", "GRIDID"), "CWELD 90: GRIDID is not followed"),
@@ -126,3 +126,29 @@ def test_welded_sheets_are_free(weld: str, tmp_path: Path) -> None:
 def test_welds_that_are_not_followed(weld: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(BodyError, match=words):
         joined(tmp_path, deck(weld))
+
+
+def test_sheets_of_one_property(tmp_path: Path) -> None:
+    """A weld by elements stays on these and their neighbours; by properties it is refused."""
+    by_hand = expected([3e7, 1e7, 1e7, 40, 25, 25])
+    text = deck(FAST.replace("PROP,1,2", "ELEM,1024,2022"))
+    for e in range(2000, 2050):
+        text = text.replace(f"CQUAD4,{e},2,", f"CQUAD4,{e},1,")
+    K = joined(tmp_path, text)["K"].toarray()
+    np.testing.assert_allclose(K, by_hand, atol=1e-9 * np.abs(K).max())
+    with pytest.raises(BodyError, match="joins a property with itself"):
+        joined(tmp_path, deck(FAST.replace("PROP,1,2", "PROP,1,1")))
+
+
+def test_a_weld_as_long_as_its_sheets_are_thick(tmp_path: Path) -> None:
+    """PWELD of type SPOT; and limits of the length of others."""
+    A = np.pi * 0.006**2 / 4
+    for more, length in ((",,,,,SPOT", 0.001), (",,,,,,\n,2.,5.", 0.012)):
+        text = deck(WELD.replace("PWELD,9,1,0.006", f"PWELD,9,1,0.006{more}"))
+        K = joined(tmp_path, text)["K"].toarray()
+        assert K[2, 2] == pytest.approx(E_ * A / length, rel=1e-6)
+
+
+def test_axes_of_a_system(tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match="MFLAG = 1"):
+        joined(tmp_path, deck(FAST.replace("0.006,,,", "0.006,0,1,")))

@@ -156,7 +156,7 @@ def test_the_tutorial(tmp_path: Path) -> None:
                 assert re.sub(number, "#", line.partition("…")[0]).strip() in plain
         else:
             said = in_bash(text, tmp_path)
-    assert shown == 3 and (tmp_path / "neck.svg").stat().st_size > 5000
+    assert shown == 4 and (tmp_path / "neck.svg").stat().st_size > 5000
 
 
 def test_questions(tmp_path: Path) -> None:

@@ -259,8 +259,8 @@ def _ports_left(
     outputs = [i for i, p in enumerate(parts.outputs) if _interface(p) not in gone]
     if not inputs or not outputs:
         raise BodyError(
-            "every interface is joined and no port is left: keep one (--keep); springs and dampers "
-            "take that of their interface, too"
+            "every interface is used by a joint, a spring or a damper, and no port is left: keep "
+            "one (--keep)"
         )
     return inputs, outputs
 

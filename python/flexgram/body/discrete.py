@@ -137,7 +137,7 @@ def _mass_by_matrix(group: h5py.Group, entry: Reader, name: str, units: tuple[fl
     arms = np.array([1.0] * 3 + [units[0]] * 3)
     matrix = _of_motion(entry, "matrix", units[1] * np.outer(arms, arms), [])
     group.attrs["matrix"] = matrix.ravel()
-    group.attrs["mass"] = matrix.diagonal()[:3].min()  # what is told of the whole body
+    group.attrs["mass"] = matrix.diagonal()[:3].mean()  # what is told of the whole body
     group.attrs["inertia"] = np.r_[matrix.diagonal()[3:], 0.0, 0.0, 0.0]
     kg = ", ".join(f"{x:.6g}" for x in matrix.diagonal()[:3])
     return f"mass {name}: {kg} kg along the axes"

@@ -189,9 +189,9 @@ def _of_body(rows: sp.csr_matrix) -> Floats:
     for k in range(count):
         mine = order[starts[k] : starts[k + 1]]
         block = own[mine][:, columns[ends[k] : ends[k + 1]]].toarray()
-        left, values, _ = np.linalg.svd(block)
-        rank = int((values > ROUNDING * values[0]).sum())
-        found.append(left[:, rank:].T @ body[mine])
+        left, values, _ = np.linalg.svd(block, full_matrices=False)
+        moved = left[:, values > ROUNDING * values[0]]
+        found.append(body[mine] - moved @ (moved.T @ body[mine]))
     result = np.vstack(found)
     said: Floats = result[np.abs(result).max(axis=1, initial=0) > ROUNDING]
     return said

@@ -108,10 +108,10 @@ def _refuse_others(job: Job) -> None:
         if card.keyword == "ELEMENT" and kind not in (*known, *TAKEN_AS):
             plane = kind.startswith(("CPS", "CPE", "CAX"))
             why = (
-                "elements of a plane: gmsh writes these for surfaces, whose shells are S3 and S4 "
-                "(or import the .msh)"
+                "elements of a plane: gmsh writes these for surfaces. Change them to S3 or S4, or "
+                "import the .msh"
                 if plane
-                else f"others than flexgram's, which has {', '.join(known)}: take --run-ccx"
+                else f"not supported, {', '.join(known)} are: take --run-ccx"
             )
             raise BodyError(f"{job.path}: elements {kind} are {why}")
 
@@ -129,7 +129,8 @@ HELD = {
 }
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 FREE_ROTATIONS = (
-    "rotations of shells and beams do not follow its reference (as in CalculiX; TIE NSET lets them)"
+    "rotations of shells and beams do not follow its reference (as in CalculiX; with TIE NSET they "
+    "do)"
 )
 
 
@@ -403,7 +404,9 @@ def _add_couplings(
         number = deck.index(job.path, coupling.reference) + 1
         if coupling.kind == "rigid" and set(entry["nodes"]) <= held:
             _ground(content, number)
-            remarks.append(f"{coupling.name} is no interface: its reference is held")
+            remarks.append(
+                f"{coupling.name} is no interface: its reference, and so its nodes, are held"
+            )
             continue
         if coupling.directions or number in held:
             if coupling.name in content["equations"]:

@@ -148,5 +148,5 @@ def points_of(job: Job, deck: Deck) -> DeckPoints:
     if found.masses or found.springs:
         counts = {"point masses": len(found.masses), "springs and dashpots": len(found.springs)}
         said = " and ".join(f"{count} {what}" for what, count in counts.items() if count)
-        found.remarks.append(f"of the deck are part of the body: {said}")
+        found.remarks.append(f"part of the body: {said} of the deck")
     return found

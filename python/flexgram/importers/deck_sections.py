@@ -283,8 +283,8 @@ def mesh_of(
         given += len(set(deck.elsets[name]))
     if without := sorted(set(deck.elements) - set(region_of)):
         raise BodyError(
-            f"{job.path}: {len(without)} elements have no *SOLID SECTION, *SHELL SECTION or *BEAM "
-            f"SECTION, first {without[0]} ({deck.types[without[0]]})"
+            f"{job.path}: {len(without)} elements have no section (*SOLID SECTION, *SHELL SECTION, "
+            f"*MEMBRANE SECTION, *BEAM SECTION), first {without[0]} ({deck.types[without[0]]})"
         )
     groups: dict[tuple[str, str], list[int]] = {}  # labels by region and kind
     for label, region in region_of.items():

@@ -3,6 +3,8 @@ these."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from flexgram.importers.nastran_deck import SPRINGS, BulkDeck
@@ -13,24 +15,44 @@ def grids_alone(deck: BulkDeck, elements: Elements) -> list[int]:
     """Grids that something else than elements and whole rigid bodies joins, ascending."""
     references, means, partial = _of_rigid_elements(deck, elements)
     joined = set(partial)
-    joined |= means & {int(getattr(mass, "nid", 0) or 0) for mass in deck.model.masses.values()}
+    with_mass = {n for mass in deck.model.masses.values() for n in _grids_of(mass)}
+    joined |= means & with_mass
     joined |= {arm.grid for arm in elements.arms}
     joined |= {int(n) for cards in deck.model.mpcs.values() for card in cards
                for n in card.node_ids if n in deck.model.nodes}  # fmt: skip
     for _, element in elements.later:
         if element.type in SPRINGS:
             given = element.nodes if hasattr(element, "nodes") else element.node_ids
-            ends = [int(n) for n in given if n and int(n) in deck.model.nodes]
-            places = [deck.points[deck.at(n)] for n in ends]
-            apart = len(ends) == 2 and bool(np.any(places[0] != places[1]))
-            joined |= {n for n in ends if apart or n not in references}
-    joined |= _with_masses(deck)
+            joined |= _ends(deck, element, [int(n) for n in given if n], references)
+        elif element.type == "CSHEAR":
+            joined |= {int(n) for n in element.node_ids}
+    for mass in deck.model.masses.values():
+        if len(_grids_of(mass)) == 2:
+            joined |= set(_grids_of(mass))
+    joined |= _moved(deck) & with_mass
     known = set(map(int, deck.labels))
     return sorted((joined & known) - elements.used)
 
 
-def _with_masses(deck: BulkDeck) -> set[int]:
-    """Grids with a mass that a RBE2 or RBAR moves."""
+def _ends(deck: BulkDeck, element: Any, given: list[int], references: set[int]) -> set[int]:
+    """Grids of a spring that need a node: not those of interfaces, if it is between two nodes in
+    one place, or from one to ground."""
+    ends = [n for n in given if n in deck.model.nodes]
+    places = [deck.points[deck.at(n)] for n in ends]
+    components = {getattr(element, key, 0) or 0 for key in ("c1", "c2")}
+    apart = len(ends) == 2 and (bool(np.any(places[0] != places[1])) or len(components) > 1)
+    return {n for n in ends if apart or len(ends) < len(given) or n not in references}
+
+
+def _grids_of(mass: Any) -> list[int]:
+    """Of CONM1, CONM2 and CMASS, those that there are."""
+    if hasattr(mass, "nid"):
+        return [int(mass.nid)]
+    return [int(n) for n in getattr(mass, "nodes", []) if n]
+
+
+def _moved(deck: BulkDeck) -> set[int]:
+    """Grids that a RBE2 or RBAR moves."""
     moved: set[int] = set()
     for element in deck.model.rigid_elements.values():
         if element.type == "RBE2":
@@ -38,7 +60,7 @@ def _with_masses(deck: BulkDeck) -> set[int]:
         elif element.type == "RBAR":
             leads = set(str(element.cna)) >= set("123456")
             moved.add(int(element.Gb() if leads else element.Ga()))
-    return moved & {int(mass.nid) for mass in deck.model.masses.values() if mass.type == "CONM2"}
+    return moved
 
 
 def _of_rigid_elements(deck: BulkDeck, elements: Elements) -> tuple[set[int], set[int], set[int]]:

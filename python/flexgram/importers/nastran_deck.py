@@ -330,7 +330,11 @@ class BulkDeck:
                 self.remarks.append(f"{which} chooses no {kind}{free}{others}")
             return []
         if chosen[0] not in numbers:
-            self.remarks.append(f"{kind} {chosen[0]}, which case control chooses, is not there")
+            free = ", the body is free" if kind == "SPC" else ""
+            self.remarks.append(
+                f"case control chooses {kind} {chosen[0]}, which is not in the deck: none "
+                f"counts{free}"
+            )
             return []
         if len(set(chosen)) > 1:
             self.remarks.append(f"{kind} {chosen[0]} of the first subcase counts; others differ")

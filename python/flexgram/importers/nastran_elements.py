@@ -112,7 +112,7 @@ class Elements:
         if pairs:
             a, b = pairs[0]
             self.deck.remark(
-                f"{len(pairs)} elements have the same grids as others, as {b} those of {a}: all "
+                f"{len(pairs)} elements have the same grids as others (first {a} and {b}): all "
                 "count, as in Nastran"
             )
         return bool(pairs)
@@ -149,7 +149,6 @@ class Elements:
         elif kind in RODS:
             ours, region = "line", self._rod(number, element)
         elif kind in SPRINGS or kind == "CSHEAR":  # whose nodes are to be known first
-            self.used.update(nodes if kind == "CSHEAR" else ())
             return self.later.append((number, element))
         elif kind in self.deck.ignore:
             return
@@ -292,6 +291,8 @@ class Elements:
         v = np.round(v / np.linalg.norm(v), 9) + 0.0
         if prop is None:
             raise self.deck.refuse(kind, number, "its property is missing")
+        if prop.type == "PBEAML" and tapers(prop):
+            self.deck.remark("a PBEAML that tapers does so by its dimensions, not by A and I")
         axes = np.array([along, v, np.cross(along, v)])
         nodes = [
             self._end(grid, offset, axes, str(pins or ""))

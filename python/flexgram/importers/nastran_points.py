@@ -100,7 +100,8 @@ class PointElements:
         B = [float(x or 0.0) for x in (list(prop.Bi) + 6 * [0.0])[:6]]
         both = np.kron(np.eye(2), self._axes_of_bush(number, element, nodes, any([*K[1:], *B[1:]])))
         losses = _losses(getattr(prop, "GEi", None) or [])
-        if self._apart(nodes) and not set(nodes) <= self.elements.turning:
+        still = (set(nodes) & self.elements.used) - self.elements.turning  # nodes of solids
+        if len(nodes) == 2 and still and set(nodes) <= self.elements.used:
             self.scalars.bush(number, nodes, both[:3, :3], {"K": K, "B": B, "losses": losses})
             return
         for loss in sorted({x for x, k in zip(losses, K, strict=True) if k} or {0.0}):
@@ -172,13 +173,11 @@ class PointElements:
         ends = [(int(n), int(c or 0)) for n, c in zip(nodes, components, strict=False) if n]
         for label, c in ends:
             if label not in self.elements.scalars and not c:
-                raise self.deck.refuse(element.type, number, f"grid {label} lacks its component")
-        return ends
-
-    def _apart(self, nodes: Sequence[int]) -> bool:
-        where = self.deck.points[[self.deck.at(n) for n in nodes]]
-        size = float(np.abs(self.deck.points).max())
-        return len(nodes) == 2 and float(np.linalg.norm(where[1] - where[0])) > 1e-9 * size
+                raise self.deck.refuse(
+                    element.type, number, f"no component (C1 or C2) for grid {label}"
+                )
+        still = self.elements.used - self.elements.turning  # rotations that AUTOSPC holds
+        return [(label, c) for label, c in ends if c < 4 or label not in still]
 
     def add_mass(self, number: int, mass: Any) -> None:
         if mass.type != "CONM2":

@@ -188,7 +188,9 @@ class RigidElements:
             fixed = sorted(n for n in nodes if n in held)
             nodes = [n for n in dict.fromkeys(nodes) if n in self.elements.used]
             if not nodes:
-                self.deck.remarks.append(f"{name}: the grids that it moves belong to no element")
+                self.deck.remarks.append(
+                    f"{name} is left out: the grids that it moves belong to no element"
+                )
                 continue
             if reference in held:
                 if not held[reference] >= set(range(1, 7)):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.special import roots_legendre
 
 from flexgram.basics import BodyError, Floats
 from flexgram.importers.alone import COMPONENTS, Row
@@ -162,8 +163,7 @@ def panel_of(x: Floats, nu: float) -> tuple[Floats, float, float]:
         At the corners, in equilibrium, of a mean flow of one.
     area : float
     flexibility : float
-        Twice the energy of that flow is this over G t: the area of a rectangle, Garvey's of a
-        parallelogram; of others by the shear flow between those along the edges.
+        Twice the energy of that flow is this over G t: the area of a rectangle.
 
     Raises
     ------
@@ -195,15 +195,39 @@ def panel_of(x: Floats, nu: float) -> tuple[Floats, float, float]:
                       + [np.cross(e, arms).ravel() for e in np.eye(3)])  # fmt: skip
     rest = forces.ravel()
     rest = rest - rigid.T @ np.linalg.lstsq(rigid @ rigid.T, rigid @ rest, rcond=None)[0]
-    flexibility = 0.0
-    for a in (-1, 1):
-        for b in (-1, 1):
-            s, r = a / np.sqrt(3), b / np.sqrt(3)
-            along = 0.25 * np.array([-(1 - r), 1 - r, 1 + r, -(1 + r)]) @ p
-            across = 0.25 * np.array([-(1 - s), -(1 + s), 1 + s, 1 - s]) @ p
+    return rest.reshape(4, 3), area, _flexibility(p, flow, nu)
+
+
+def _flexibility(p: Floats, flow: Floats, nu: float) -> float:
+    """Twice the energy over G t of flows along the lines through the two points in which opposite
+    edges meet; they fall with the square of the distance from the line through both points.
+
+    Parameters
+    ----------
+    p : (4, 2) array
+        Corners, counter-clockwise.
+    flow : (4,) array
+        Means along the edges.
+    """
+    scale = float(np.ptp(p))
+    corners = np.column_stack([p / scale, np.ones(4)])
+    edge = [np.cross(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+    meet = [np.cross(edge[0], edge[2]), np.cross(edge[1], edge[3])]  # at infinity, if parallel
+    axis = np.cross(meet[0], meet[1])
+    s, weights = roots_legendre(12)
+    first = corners[0] + np.outer((1 + s) / 2, corners[1] - corners[0])
+    mean = float(weights / 2 @ (first @ axis) ** -2.0)  # of the flow along the first edge
+    total = 0.0
+    for a, wa in zip(s, weights, strict=True):
+        for b, wb in zip(s, weights, strict=True):
+            N = 0.25 * np.array([(1 - a) * (1 - b), (1 + a) * (1 - b), (1 + a) * (1 + b),
+                                 (1 - a) * (1 + b)])  # fmt: skip
+            along = 0.25 * np.array([-(1 - b), 1 - b, 1 + b, -(1 + b)]) @ p
+            across = 0.25 * np.array([-(1 - a), -(1 + a), 1 + a, 1 - a]) @ p
+            here = N @ corners
+            u, v = ((m[:2] - m[2] * here[:2]) for m in meet)
+            tangent = float(u @ v) / (u[0] * v[1] - u[1] * v[0])  # of the angle beside 90°
+            q = flow[0] * float(here @ axis) ** -2.0 / mean
             size = along[0] * across[1] - along[1] * across[0]
-            tangent = float(along @ across) / size  # of the angle beside 90°
-            q = 0.25 * ((1 - r) * flow[0] + (1 + r) * flow[2])
-            q -= 0.25 * ((1 + s) * flow[1] + (1 - s) * flow[3])
-            flexibility += size * q * q * (1 + 2 * tangent**2 / (1 + nu))
-    return rest.reshape(4, 3), area, flexibility
+            total += wa * wb * size * q * q * (1 + 2 * tangent**2 / (1 + nu))
+    return total

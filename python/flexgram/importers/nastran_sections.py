@@ -34,10 +34,11 @@ def tapers(prop: Any) -> bool:
     """Whether the section of a PBEAM or PBEAML changes along the beam."""
     if prop.type == "PBEAML":
         rows = np.atleast_2d(np.asarray(prop.dim, dtype=float))
+        rows = np.column_stack([rows, np.resize(np.ravel(prop.nsm), len(rows))])
         return bool(np.any(np.ptp(rows, axis=0) > 1e-3 * np.abs(rows).max(axis=0)))
     if prop.type != "PBEAM":
         return False
-    values = [np.ravel(getattr(prop, key)) for key in ("A", "i1", "i2", "i12", "j")]
+    values = [np.ravel(getattr(prop, key)) for key in ("A", "i1", "i2", "i12", "j", "nsm")]
     return any(np.ptp(v) > 1e-3 * float(np.abs(v).max()) for v in values)
 
 

@@ -16,7 +16,7 @@ from flexgram.basics import Floats, Ints
 from flexgram.body.face_integrals import face_functions
 from flexgram.body.ties import tied
 from flexgram.importers.alone import COMPONENTS, Row
-from flexgram.importers.nastran_deck import BulkDeck
+from flexgram.importers.nastran_deck import BulkDeck, named
 from flexgram.importers.nastran_elements import Elements
 from flexgram.importers.nastran_equations import Equations
 from flexgram.importers.nastran_points import PointElements
@@ -40,6 +40,8 @@ class Weld:
     sheets : pair of lists of (k,) int arrays
         Faces of both sheets: indices of their nodes.
     prop : pyNastran's PFAST, or the fields of a PWELD.
+    length : float
+        Of a CWELD whose length is not the distance of its ends (SPOT), else 0.
     """
 
     card: str
@@ -47,6 +49,7 @@ class Weld:
     where: Floats
     sheets: tuple[list[Ints], list[Ints]]
     prop: Any
+    length: float
 
 
 class Welds:
@@ -64,15 +67,21 @@ class Welds:
         for fields in deck.rejected("CWELD"):
             self._add(self._weld(fields))
 
-    def _sheet(self, card: str, number: int, pid: int | None, eid: int | None = None) -> list[Ints]:
-        """Faces of a property, or of that of an element."""
+    def _patch(self, card: str, number: int, eid: int, alone: bool) -> list[Ints]:
+        """The face of an element, and those of its property that share a node with it."""
+        element = self.deck.model.elements.get(eid)
+        if element is None or element.type not in CORNERS:
+            raise self.deck.refuse(card, number, f"element {eid} is no shell")
+        corners = element.node_ids[: CORNERS[element.type]]
+        own = np.array([self.deck.at(int(n)) for n in corners])
+        if alone:
+            return [own]
+        faces = self._sheet(card, number, int(element.pid))
+        return [face for face in faces if np.isin(face, own).any()]
+
+    def _sheet(self, card: str, number: int, pid: int) -> list[Ints]:
+        """Faces of a property."""
         model = self.deck.model
-        if eid is not None:
-            if eid not in model.elements or model.elements[eid].type not in CORNERS:
-                raise self.deck.refuse(card, number, f"element {eid} is no shell")
-            pid = int(model.elements[eid].pid)
-        if pid is None:
-            raise self.deck.refuse(card, number, "it does not say what it joins")
         if pid not in self._faces:
             self._faces[pid] = [
                 np.array([self.deck.at(int(n)) for n in e.node_ids[: CORNERS[e.type]]])
@@ -91,7 +100,7 @@ class Welds:
         elif gs:
             given = [gs, gs]
         else:
-            raise self.deck.refuse(card, number, "its place is no grid (GS, or GA and GB)")
+            raise self.deck.refuse(card, number, "its place must be given by GS, or by GA and GB")
         return self.deck.points[[self.deck.at(n) for n in given]]
 
     def _fastener(self, number: int, element: Any) -> Weld:
@@ -99,32 +108,55 @@ class Welds:
         if prop is None or prop.type != "PFAST":
             raise self.deck.refuse("CFAST", number, "needs a PFAST")
         where = self._place("CFAST", number, element.gs, element.ga, element.gb)
-        key = "pid" if element.Type == "PROP" else "eid"
-        sheets = [
-            self._sheet("CFAST", number, **{"pid": None, key: int(i)})
-            for i in (element.ida, element.idb)
-        ]
-        return Weld("CFAST", number, where, (sheets[0], sheets[1]), prop)
+        ids = [int(element.ida), int(element.idb)]
+        sheets = (
+            self._sheets("CFAST", number, ids)
+            if element.Type == "PROP"
+            else [self._patch("CFAST", number, eid, False) for eid in ids]
+        )
+        return Weld("CFAST", number, where, (sheets[0], sheets[1]), prop, 0.0)
+
+    def _sheets(self, card: str, number: int, pids: list[int]) -> list[list[Ints]]:
+        if pids[0] == pids[1]:
+            raise self.deck.refuse(card, number, "it joins a property with itself: name elements")
+        return [self._sheet(card, number, pid) for pid in pids]
+
+    def _thickness(self, number: int, id_: int, by_element: bool) -> float:
+        """Of a shell, by its property or its element."""
+        model = self.deck.model
+        prop = model.properties.get(int(model.elements[id_].pid) if by_element else id_)
+        with named(self.deck.path, f"CWELD {number}: the thickness of its shells is not known"):
+            return float(prop.Thickness())
 
     def _weld(self, fields: list[str]) -> Weld:
         number, kind = int(fields[1]), fields[4].upper()
         where = self._place("CWELD", number, fields[3], fields[5], fields[6])
-        key = {"PARTPAT": "pid", "ELPAT": "eid", "ELEMID": "eid"}.get(kind)
-        if key is None:
+        if kind not in ("PARTPAT", "ELPAT", "ELEMID"):
             raise self.deck.refuse("CWELD", number, f"{kind or 'its form'} is not followed")
-        sheets = [
-            self._sheet("CWELD", number, **{"pid": None, key: int(word)}) for word in fields[9:11]
-        ]
+        ids = [int(word) for word in fields[9:11] if word]
+        if len(ids) < 2:
+            raise self.deck.refuse("CWELD", number, "the parts that it joins are missing")
+        sheets = (
+            self._sheets("CWELD", number, ids)
+            if kind == "PARTPAT"
+            else [self._patch("CWELD", number, eid, kind == "ELEMID") for eid in ids]
+        )
         found = [row for row in self.deck.rejected("PWELD") if row[1] == fields[2]]
         if not found:
             raise self.deck.refuse("CWELD", number, f"there is no PWELD {fields[2]}")
-        return Weld("CWELD", number, where, (sheets[0], sheets[1]), found[0])
+        length = 0.0
+        if found[0][8].upper() == "SPOT":
+            length = sum(self._thickness(number, i, kind != "PARTPAT") for i in ids) / 2
+        return Weld("CWELD", number, where, (sheets[0], sheets[1]), found[0], length)
 
     def _add(self, weld: Weld) -> None:
         diameter = float(weld.prop[3] if weld.card == "CWELD" else weld.prop.d)
         if not diameter > 0:
             raise self.deck.refuse(weld.card, weld.number, "its diameter must be positive")
         feet = [self._foot(weld, k) for k in (0, 1)]
+        faces = [self._on_sheet(weld, k, weld.where[k : k + 1])[0][1] for k in (0, 1)]
+        if set(faces[0].tolist()) == set(faces[1].tolist()):
+            raise self.deck.refuse(weld.card, weld.number, "both its ends are on one element")
         line = feet[1][0] - feet[0][0]
         length = float(np.linalg.norm(line))
         x = line / length if length > 1e-6 * diameter else feet[0][1]
@@ -203,17 +235,26 @@ class Welds:
         stiffness = [float(getattr(prop, f"k{kind}{k}") or 0.0) for kind in "tr" for k in (1, 2, 3)]
         if stiffness[1] != stiffness[2] or stiffness[4] != stiffness[5]:
             raise self.deck.refuse("PFAST", prop.pid, "KT2 and KT3, or KR2 and KR3, differ")
+        along = len(set(stiffness[:3])) == 1 and len(set(stiffness[3:])) == 1
+        if getattr(prop, "mflag", 0) == 1 and not along:
+            raise self.deck.refuse(
+                "PFAST", prop.pid, "axes of a system (MFLAG = 1) are not followed"
+            )
         wtmass = self.deck.param("WTMASS") or 1.0
         return stiffness, float(prop.mass or 0.0) * wtmass, float(prop.ge or 0.0)
 
     def _beam(self, weld: Weld, diameter: float, length: float) -> tuple[list[float], float, float]:
-        """The same of a round beam between the ends, no shorter than a fifth of its diameter and no
-        longer than five."""
+        """The same of a round beam between the ends; unless it is told (SPOT), no shorter than a
+        fifth of its diameter and no longer than five (LDMIN, LDMAX)."""
         card = self.deck.model.materials.get(int(weld.prop[2]))
         if card is None or card.type != "MAT1":
             raise self.deck.refuse("PWELD", int(weld.prop[1]), "needs a MAT1")
         E, G = float(card.e), float(card.g)
-        L = float(np.clip(length, LEAST * diameter, MOST * diameter))
+        least, most = (
+            float(word) if word else usual
+            for word, usual in zip(weld.prop[9:11], (LEAST, MOST), strict=True)
+        )
+        L = weld.length or float(np.clip(length, least * diameter, most * diameter))
         A, inertia = np.pi * diameter**2 / 4, np.pi * diameter**4 / 64
         shear = 12 * E * inertia / (0.9 * G * A * L**2)
         across = 12 * E * inertia / L**3 / (1 + shear)

@@ -156,7 +156,7 @@ def body_of(model: ReducedBody, body: str | Path | None = None) -> str | Path:
     if not stored:
         raise BodyError("the mesh is in the body file: name it (--body)")
     if " with " in stored:  # couple names all parts
-        raise BodyError(f"an assembly ({stored}) has no mesh: look at its parts")
+        raise BodyError(f"an assembly ({stored}) has no mesh: take one of its parts")
     beside = model.path.parent / Path(stored).name if model.path is not None else None
     if not Path(stored).exists() and beside is not None and beside.exists():
         return beside

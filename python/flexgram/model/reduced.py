@@ -164,8 +164,9 @@ class ReducedBody:
     def elastic_frequencies(self) -> Floats:
         """``modes`` without rigid ones, and without directions that have no mass, whose frequencies
         are nothing but rounding [rad/s]."""
-        heavy = self.modes[self.modes < 1e7 * self.claim.band[-1]]
-        found: Floats = heavy[heavy > 1e-6 * heavy.max(initial=1e-300)]
+        last = self.claim.band[-1]
+        heavy = self.modes[self.modes < 1e7 * last]
+        found: Floats = heavy[heavy > 1e-6 * min(heavy.max(initial=1e-300), last)]
         return found
 
     def __repr__(self) -> str:

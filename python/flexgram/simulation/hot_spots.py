@@ -230,13 +230,11 @@ def describe(spots: list[HotSpot]) -> list[str]:
         more += f", side: {spot.side}" if spot.side else ""
         lines.append(f"  spot{k}: {{type: stress, nodes: [{spot.node}]{more}}}")
     if not any(spot.elements for spot in spots):
+        side = f"/{spots[0].side}" if spots and spots[0].side else ""
         lines.append(
-            "or by the command line of the import (places in its units; these are metres):"
+            f"or by the import: --measure NAME=stress{side}:AT:x,y,z, with these places in the "
+            "units of its files (here they are in metres)"
         )
-        for k, spot in enumerate(spots, 1):
-            side = f"/{spot.side}" if spot.side else ""
-            place = ",".join(f"{x:.6g}" for x in spot.place)
-            lines.append(f"  --measure spot{k}=stress{side}:AT:{place}")
     return lines
 
 

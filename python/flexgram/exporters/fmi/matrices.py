@@ -153,8 +153,8 @@ class StateSpace:
                 allowed = 1e-6 * (size[:, r] if rate == "displacement" else size[:, r].max())
                 if not np.all(lost[:, r] <= allowed):
                     raise BodyError(
-                        f"the body is too stiff beside what is soft in it for the {rate}s of a "
-                        "state space in doubles: other outputs, a smaller order or band, or "
+                        f"the stiffnesses of the body differ too much for the {rate}s of a state "
+                        "space in doubles: take other outputs, a smaller order or band, or "
                         "consistent mass if its own is lumped (mass_integration: full; "
                         "PARAM,COUPMASS,1)"
                     )
