@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from flexgram.basics import Floats, Ints
 from flexgram.body.face_integrals import face_functions
@@ -23,6 +24,8 @@ from flexgram.importers.nastran_points import PointElements
 
 #: Shells that welds join; of second order by their corners.
 CORNERS = {"CQUAD4": 4, "CQUADR": 4, "CQUAD8": 4, "CTRIA3": 3, "CTRIAR": 3, "CTRIA6": 3}
+#: Faces whose middles are next to a point are looked at.
+AROUND = 24
 #: Of a weld's length over its diameter.
 LEAST, MOST = 0.2, 5.0
 
@@ -62,6 +65,9 @@ class Welds:
         self.equations = equations
         self.nodes: list[int] = []  #: from 1
         self._faces: dict[int, list[Ints]] = {}  #: by property
+        self._at_node: dict[int, dict[int, set[int]]] = {}  #: by property, its faces at a node
+        self._centres: dict[int, cKDTree] = {}  #: of the faces of a sheet, by its identity
+        self._patches: list[list[Ints]] = []  #: kept, so that identities are not used again
         for number, element in elements.fasteners:
             self._add(self._fastener(number, element))
         for fields in deck.rejected("CWELD"):
@@ -74,10 +80,19 @@ class Welds:
             raise self.deck.refuse(card, number, f"element {eid} is no shell")
         corners = element.node_ids[: CORNERS[element.type]]
         own = np.array([self.deck.at(int(n)) for n in corners])
-        if alone:
-            return [own]
-        faces = self._sheet(card, number, int(element.pid))
-        return [face for face in faces if np.isin(face, own).any()]
+        patch = [own]
+        if not alone:
+            pid = int(element.pid)
+            faces = self._sheet(card, number, pid)
+            if pid not in self._at_node:
+                at_node = self._at_node.setdefault(pid, {})
+                for k, face in enumerate(faces):
+                    for n in face.tolist():
+                        at_node.setdefault(n, set()).add(k)
+            near = set().union(*(self._at_node[pid][n] for n in own.tolist()))
+            patch = [faces[k] for k in sorted(near)]
+        self._patches.append(patch)
+        return patch
 
     def _sheet(self, card: str, number: int, pid: int) -> list[Ints]:
         """Faces of a property."""
@@ -190,17 +205,23 @@ class Welds:
 
     def _on_sheet(self, weld: Weld, side: int, places: Floats) -> list[tuple[Floats, Ints]]:
         """Of points, the nodes of the face next to each, with their weights."""
-        count = len(self.deck.points)
-        points = np.vstack([self.deck.points, places])
+        sheet = weld.sheets[side]
+        if id(sheet) not in self._centres:
+            middles = [self.deck.points[face].mean(axis=0) for face in sheet]
+            self._centres[id(sheet)] = cKDTree(np.array(middles))
+        _, next_ones = self._centres[id(sheet)].query(places, k=min(AROUND, len(sheet)))
+        faces = [sheet[k] for k in np.unique(next_ones)]
+        nodes = np.unique(np.concatenate(faces))
+        points = np.vstack([self.deck.points[nodes], places])
         by_width: dict[int, list[Ints]] = {}
-        for face in weld.sheets[side]:
-            by_width.setdefault(len(face), []).append(face)
-        groups = [np.array(faces) for faces in by_width.values()]
-        ties, _ = tied(points, groups, count + np.arange(len(places)), np.inf)
+        for face in faces:
+            by_width.setdefault(len(face), []).append(np.searchsorted(nodes, face))
+        groups = [np.array(some) for some in by_width.values()]
+        ties, _ = tied(points, groups, len(nodes) + np.arange(len(places)), np.inf)
         found = []
         for face, xi in zip(ties.faces, ties.xi, strict=True):
             N, _ = face_functions(len(face), xi[None])
-            found.append((N[0], np.asarray(face)))
+            found.append((N[0], nodes[np.asarray(face)]))
         return found
 
     def _follow(
