@@ -7,6 +7,7 @@ both ends is the weld: the stiffness of a CFAST, or of a short beam of the weld'
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +31,10 @@ AROUND = 24
 LEAST, MOST = 0.2, 5.0
 
 
+#: Of a point on a face: weights of its nodes, and these.
+Share = tuple[Floats, Ints]
+
+
 @dataclass(frozen=True)
 class Weld:
     """What a card says.
@@ -42,6 +47,7 @@ class Weld:
         Points beside its ends.
     sheets : pair of lists of (k,) int arrays
         Faces of both sheets: indices of their nodes.
+    diameter : float
     prop : pyNastran's PFAST, or the fields of a PWELD.
     length : float
         Of a CWELD whose length is not the distance of its ends (SPOT), else 0.
@@ -51,6 +57,7 @@ class Weld:
     number: int
     where: Floats
     sheets: tuple[list[Ints], list[Ints]]
+    diameter: float
     prop: Any
     length: float
 
@@ -66,12 +73,21 @@ class Welds:
         self.nodes: list[int] = []  #: from 1
         self._faces: dict[int, list[Ints]] = {}  #: by property
         self._at_node: dict[int, dict[int, set[int]]] = {}  #: by property, its faces at a node
-        self._centres: dict[int, cKDTree] = {}  #: of the faces of a sheet, by its identity
-        self._patches: list[list[Ints]] = []  #: kept, so that identities are not used again
-        for number, element in elements.fasteners:
-            self._add(self._fastener(number, element))
-        for fields in deck.rejected("CWELD"):
-            self._add(self._weld(fields))
+        welds = [self._fastener(number, element) for number, element in elements.fasteners]
+        welds += [self._weld(fields) for fields in deck.rejected("CWELD")]
+        sides = (0, 1)
+        feet = [self._on_sheets([w.sheets[k] for w in welds], [w.where[k : k + 1] for w in welds])
+                for k in sides]  # fmt: skip
+        found = [[self._foot(*foot[0]) for foot in feet[k]] for k in sides]
+        squares = [
+            [_square(*foot, weld.diameter) for foot, weld in zip(found[k], welds, strict=True)]
+            for k in sides
+        ]
+        met = [self._on_sheets([w.sheets[k] for w in welds], squares[k]) for k in sides]
+        for j, weld in enumerate(welds):
+            if set(feet[0][j][0][1].tolist()) == set(feet[1][j][0][1].tolist()):
+                raise deck.refuse(weld.card, weld.number, "both its ends are on one element")
+            self._add(weld, [found[k][j] for k in sides], [met[k][j] for k in sides])
 
     def _patch(self, card: str, number: int, eid: int, alone: bool) -> list[Ints]:
         """The face of an element, and those of its property that share a node with it."""
@@ -91,7 +107,6 @@ class Welds:
                         at_node.setdefault(n, set()).add(k)
             near = set().union(*(self._at_node[pid][n] for n in own.tolist()))
             patch = [faces[k] for k in sorted(near)]
-        self._patches.append(patch)
         return patch
 
     def _sheet(self, card: str, number: int, pid: int) -> list[Ints]:
@@ -129,7 +144,13 @@ class Welds:
             if element.Type == "PROP"
             else [self._patch("CFAST", number, eid, False) for eid in ids]
         )
-        return Weld("CFAST", number, where, (sheets[0], sheets[1]), prop, 0.0)
+        both = (sheets[0], sheets[1])
+        return Weld("CFAST", number, where, both, self._size("CFAST", number, prop.d), prop, 0.0)
+
+    def _size(self, card: str, number: int, given: Any) -> float:
+        if not float(given or 0.0) > 0:
+            raise self.deck.refuse(card, number, "its diameter must be positive")
+        return float(given)
 
     def _sheets(self, card: str, number: int, pids: list[int]) -> list[list[Ints]]:
         if pids[0] == pids[1]:
@@ -162,16 +183,12 @@ class Welds:
         length = 0.0
         if found[0][8].upper() == "SPOT":
             length = sum(self._thickness(number, i, kind != "PARTPAT") for i in ids) / 2
-        return Weld("CWELD", number, where, (sheets[0], sheets[1]), found[0], length)
+        diameter = self._size("CWELD", number, found[0][3])
+        return Weld("CWELD", number, where, (sheets[0], sheets[1]), diameter, found[0], length)
 
-    def _add(self, weld: Weld) -> None:
-        diameter = float(weld.prop[3] if weld.card == "CWELD" else weld.prop.d)
-        if not diameter > 0:
-            raise self.deck.refuse(weld.card, weld.number, "its diameter must be positive")
-        feet = [self._foot(weld, k) for k in (0, 1)]
-        faces = [self._on_sheet(weld, k, weld.where[k : k + 1])[0][1] for k in (0, 1)]
-        if set(faces[0].tolist()) == set(faces[1].tolist()):
-            raise self.deck.refuse(weld.card, weld.number, "both its ends are on one element")
+    def _add(self, weld: Weld, feet: list[tuple[Floats, Floats]], met: list[list[Share]]) -> None:
+        """Nodes at both feet (places and normals), and what is between them."""
+        diameter = weld.diameter
         line = feet[1][0] - feet[0][0]
         length = float(np.linalg.norm(line))
         x = line / length if length > 1e-6 * diameter else feet[0][1]
@@ -182,12 +199,12 @@ class Welds:
             self._beam(weld, diameter, length) if weld.card == "CWELD" else self._springs(weld)
         )
         ends = []
-        for side, (place, normal) in enumerate(feet):
+        for (place, _), around in zip(feet, met, strict=True):
             self.elements.ends.append(place)
             node = len(self.deck.points) + len(self.elements.ends)
             self.nodes.append(node)
             ends.append(node)
-            self._follow(weld, side, node, place, normal, diameter)
+            self._follow(weld, node, place, around)
         name = f"{weld.card.lower()}{weld.number}"
         entry: dict[str, Any] = {"nodes": [ends[0]], "to_nodes": [ends[1]]}
         entry["stiffness"] = (axes.T @ np.diag(stiffness) @ axes).tolist()
@@ -196,20 +213,30 @@ class Welds:
         if mass:
             self.points.masses[name] = {"nodes": ends, "mass": mass / 2}
 
-    def _foot(self, weld: Weld, side: int) -> tuple[Floats, Floats]:
-        """Next to a point on a sheet: the place, and the normal there."""
-        (weights, face), *_ = self._on_sheet(weld, side, weld.where[side : side + 1])
+    def _foot(self, weights: Floats, face: Ints) -> tuple[Floats, Floats]:
+        """A place on a face, and the normal there."""
         x = self.deck.points[face]
         normal = np.cross(x[2] - x[0], x[-1] - x[1] if len(x) == 4 else x[2] - x[1])
         return weights @ x, normal / np.linalg.norm(normal)
 
-    def _on_sheet(self, weld: Weld, side: int, places: Floats) -> list[tuple[Floats, Ints]]:
-        """Of points, the nodes of the face next to each, with their weights."""
-        sheet = weld.sheets[side]
-        if id(sheet) not in self._centres:
-            middles = [self.deck.points[face].mean(axis=0) for face in sheet]
-            self._centres[id(sheet)] = cKDTree(np.array(middles))
-        _, next_ones = self._centres[id(sheet)].query(places, k=min(AROUND, len(sheet)))
+    def _on_sheets(
+        self, sheets: Sequence[list[Ints]], places: Sequence[Floats]
+    ) -> list[list[Share]]:
+        """Of points (k, 3) of each weld what of its sheet is next to each, a sheet at a time."""
+        of_sheet: dict[int, list[int]] = {}
+        for j, sheet in enumerate(sheets):
+            of_sheet.setdefault(id(sheet), []).append(j)
+        found: list[list[Share]] = [[] for _ in sheets]
+        for mine in of_sheet.values():
+            together = np.vstack([places[j] for j in mine])
+            shares = iter(self._on_sheet(sheets[mine[0]], together))
+            for j in mine:
+                found[j] = [next(shares) for _ in places[j]]
+        return found
+
+    def _on_sheet(self, sheet: list[Ints], places: Floats) -> list[Share]:
+        middles = np.array([self.deck.points[face].mean(axis=0) for face in sheet])
+        _, next_ones = cKDTree(middles).query(places, k=min(AROUND, len(sheet)))
         faces = [sheet[k] for k in np.unique(next_ones)]
         nodes = np.unique(np.concatenate(faces))
         points = np.vstack([self.deck.points[nodes], places])
@@ -224,15 +251,8 @@ class Welds:
             found.append((N[0], nodes[np.asarray(face)]))
         return found
 
-    def _follow(
-        self, weld: Weld, side: int, node: int, place: Floats, normal: Floats, diameter: float
-    ) -> None:
-        """Equations of an end: a square of the weld's area around it."""
-        first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-        first *= np.sqrt(np.pi) * diameter / 4 / np.linalg.norm(first)
-        second = np.cross(normal, first)
-        around = [a * first + b * second for a in (-1, 1) for b in (-1, 1)]
-        met = self._on_sheet(weld, side, place + np.array(around))
+    def _follow(self, weld: Weld, node: int, place: Floats, met: list[Share]) -> None:
+        """Equations of an end, which moves as points around it."""
         arms = [weights @ self.deck.points[face] - place for weights, face in met]
         moved = np.vstack([np.hstack([np.eye(3), -_cross(arm)]) for arm in arms])
         fit = np.linalg.pinv(moved)  # (6, 12)
@@ -283,6 +303,15 @@ class Welds:
         mass = float(card.rho or 0.0) * A * length * (self.deck.param("WTMASS") or 1.0)
         stiffness = [E * A / L, across, across, 2 * G * inertia / L, turn, turn]
         return [float(k) for k in stiffness], mass, float(card.ge or 0.0)
+
+
+def _square(place: Floats, normal: Floats, diameter: float) -> Floats:
+    """Corners (4, 3) of a square of a weld's area around its foot."""
+    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    first *= np.sqrt(np.pi) * diameter / 4 / np.linalg.norm(first)
+    second = np.cross(normal, first)
+    corners: Floats = place + np.array([a * first + b * second for a in (-1, 1) for b in (-1, 1)])
+    return corners
 
 
 def _cross(a: Floats) -> Floats:
