@@ -150,7 +150,7 @@ def test_the_tutorial(tmp_path: Path) -> None:
             said = in_bash(f"MPLBACKEND=Agg python3 {name}", tmp_path)
         elif language == "text":
             shown += 1
-            number = r"\d[\d.]*(e[-+]?\d+)?"
+            number = r"-?\d[\d.]*(e[-+]?\d+)?"
             plain = re.sub(number, "#", said)
             for line in text.splitlines():
                 assert re.sub(number, "#", line.partition("…")[0]).strip() in plain
