@@ -11,7 +11,7 @@
 namespace flexgram {
 namespace {
 
-constexpr int lanes = AccurateSum<1>::lanes;
+constexpr int lanes = accurate_lanes;
 
 /// What an accurate sum is between two stretches of rows.
 struct Sums {

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <utility>
 
 namespace flexgram {
 
@@ -94,11 +93,11 @@ operator*(Lanes<count, native> a, const Lanes<count, native>& b) {
 /// Eight sums of products side by side, with twice the digits: hi + lo, by Dekker's product and Knuth's
 /// sum (Ogita, Rump, Oishi, 2005). Factors are split by their bits, which no contraction of the
 /// compiler can undo.
+inline constexpr int accurate_lanes = 8;
 template <int native>
 struct AccurateSum {
-  static constexpr int lanes = 8;
   static constexpr std::int64_t head = ~std::int64_t{0x7ffffff}; ///< 26 digits
-  using Numbers = Lanes<lanes, native>;
+  using Numbers = Lanes<accurate_lanes, native>;
   Numbers hi, lo, squares;
 
   [[gnu::always_inline]] void add(const Numbers& a, const Numbers& x) {

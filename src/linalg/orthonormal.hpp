@@ -32,8 +32,7 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& prod
 /// 1 there, the largest first. @param least  becomes the smallest of these squares.
 Dense kept_directions(const Dense& gram, double floor, double& least);
 
-/// Largest entry of |VᵀWV − I| in so many columns at most, spread evenly over V.
-double loss_of_orthogonality(const Basis& V, const InnerProduct& product,
-                             int columns = 32);
+/// Largest entry of |VᵀWV − I| in so many columns, spread evenly over V, or in all it has.
+double loss_of_orthogonality(const Basis& V, const InnerProduct& product, int columns);
 
 } // namespace flexgram

@@ -8,15 +8,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <new>
 #include <optional>
 
 namespace flexgram {
 namespace {
 
-constexpr int line = AccurateSum<1>::lanes; ///< columns that fill a cache line
-constexpr int widest = 12;                  ///< columns of a strip: two bodies' joints
+constexpr int line = accurate_lanes; ///< columns that fill a cache line
+constexpr int widest = 12;           ///< columns of a strip: two bodies' joints
 
 /// CSR rows of one process's part of a matrix.
 struct Rows {

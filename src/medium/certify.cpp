@@ -194,7 +194,7 @@ Medium certify(const SecondOrderModel& body, bool mass_is_singular,
   medium.factorisations = factors.factorisations();
   medium.solved_columns = factors.solved_columns();
   report(run, *state);
-  medium.loss_of_orthogonality = loss_of_orthogonality(space.V(), space.product());
+  medium.loss_of_orthogonality = loss_of_orthogonality(space.V(), space.product(), 32);
   medium.printed_rounding = space.printed_rounding();
   medium.V = space.V().share();
   return std::move(medium);

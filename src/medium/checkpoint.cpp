@@ -157,7 +157,7 @@ void expect_same_projection(const ModalSpace& modal, const Stored& there, MPI_Co
                             const std::string& path) {
   const MediumSpace& space = *modal.space;
   const auto& g = space.rounding_weights();
-  double worst = loss_of_orthogonality(space.V(), space.product()) / 1e-9;
+  double worst = loss_of_orthogonality(space.V(), space.product(), 32) / 1e-9;
   const auto compare = [&](const Dense& here, const Dense& kept, auto&& allowed) {
     if (here.rows != kept.rows || here.columns != kept.columns) worst = HUGE_VAL;
     for (int j = 0; j < here.columns && worst < HUGE_VAL; ++j)

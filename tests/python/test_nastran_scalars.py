@@ -41,6 +41,17 @@ def row(index: dict[Any, int], terms: list[tuple[tuple[float, float, float], int
     return c
 
 
+def bricks(apart: int) -> str:
+    """Two unit cubes of one element each, so far along x from each other."""
+    lines = ["SOL 103\nCEND\nBEGIN BULK\nPARAM,COUPMASS,1\n"]
+    for k in range(8):
+        x, y, z = k & 1, (k >> 1) & 1, k >> 2
+        lines.append(f"GRID,{k + 1},,{x}.,{y}.,{z}.\nGRID,{k + 11},,{x + apart}.,{y}.,{z}.\n")
+    lines.append("CHEXA,1,1,1,2,4,3,5,6,\n,8,7\nCHEXA,2,1,11,12,14,13,15,16,\n,18,17\n")
+    lines.append("PSOLID,1,1\nMAT1,1,2.1+11,,0.3,7850.\nENDDATA\n")
+    return "".join(lines)
+
+
 def test_springs_whose_ends_lie_apart(tmp_path: Path) -> None:
     """CELAS joins two components wherever their grids are: K = k c cᵀ, and nothing else."""
     cards = "CELAS2,90,3.+5,3,2,5,6,0.04\nCELAS2,91,2.+5,2,3,4,3\n"
@@ -85,14 +96,8 @@ def test_a_held_scalar_point(tmp_path: Path) -> None:
 
 def test_a_bush_between_solids(tmp_path: Path) -> None:
     """Its grids lie apart and have no rotations: it acts midway, and these count as held."""
-    lines = ["SOL 103\nCEND\nBEGIN BULK\nPARAM,COUPMASS,1\n"]
-    for k in range(8):
-        x, y, z = k & 1, (k >> 1) & 1, k >> 2
-        lines.append(f"GRID,{k + 1},,{x}.,{y}.,{z}.\nGRID,{k + 11},,{x + 3}.,{y}.,{z}.\n")
-    lines.append("CHEXA,1,1,1,2,4,3,5,6,\n,8,7\nCHEXA,2,1,11,12,14,13,15,16,\n,18,17\n")
-    lines.append("PSOLID,1,1\nMAT1,1,2.1+11,,0.3,7850.\nENDDATA\n")
     bush = "CBUSH,9,9,2,11,0.,1.,0.\nPBUSH,9,K,1.+5,2.+5,3.+5,40.,50.,60.\n"
-    (K, _), index = added(tmp_path, "".join(lines), bush, "tip=NODES:1")
+    (K, _), index = added(tmp_path, bricks(3), bush, "tip=NODES:1")
     expected = 0 * K
     for c, k in enumerate((1e5, 2e5, 3e5)):
         r = row(index, [((1, 0, 0), c, 1.0), ((3, 0, 0), c, -1.0)])
@@ -139,6 +144,41 @@ def test_a_trapezoid(ratio: float) -> None:
     flow = 4 / (1 / near**2 + 1 / far**2 + 2 / (near * far))  # mean of one along the four edges
     energy = flow**2 * slope * (1 / near**2 - 1 / far**2) * (1 + 2 / 3 * slope**2 / (1 + NU))
     assert panel_of(x, NU)[2] == pytest.approx(energy, rel=1e-9)
+
+
+def test_a_panel_without_parallel_edges() -> None:
+    """The flow of its energy, by the distance from the line through the points in which opposite
+    edges meet, is that which the equilibrium of the edges asks for; energy by fine sums."""
+    x = np.array([[0, 0], [1.0, 0.1], [1.1, 0.5], [0, 0.9]])
+
+    def meet(a: Any, b: Any, c: Any, d: Any) -> Any:
+        s = np.linalg.solve(np.column_stack([b - a, c - d]), c - a)
+        return a + s[0] * (b - a)
+
+    P, Q = meet(x[0], x[1], x[2], x[3]), meet(x[1], x[2], x[3], x[0])
+    n = np.array([Q[1] - P[1], P[0] - Q[0]])
+    n /= np.linalg.norm(n)
+    edges = np.roll(x, -1, axis=0) - x
+    s = (np.arange(20000) + 0.5) / 20000
+    means = np.array([np.mean(((p + np.outer(s, e) - P) @ n) ** -2.0)
+                      for p, e in zip(x, edges, strict=True)])  # fmt: skip
+    signs = np.array([-1, 1, -1, 1.0])
+    forces = (signs * means)[:, None] * edges
+    assert np.abs(forces.sum(axis=0)).max() < 1e-6 * np.abs(forces).max()
+    turns = np.cross(x, forces)
+    assert abs(turns.sum()) < 1e-6 * np.abs(turns).max()
+    centres = (np.arange(400) + 0.5) / 200 - 1
+    a, b = np.meshgrid(centres, centres)
+    N = [(1 - a) * (1 - b) / 4, (1 + a) * (1 - b) / 4, (1 + a) * (1 + b) / 4, (1 - a) * (1 + b) / 4]
+    y = np.einsum("kij,kc->ijc", np.array(N), x)
+    u = np.einsum("kij,kc->ijc", np.array([b - 1, 1 - b, 1 + b, -1 - b]) / 4, x)
+    v = np.einsum("kij,kc->ijc", np.array([a - 1, -1 - a, 1 + a, 1 - a]) / 4, x)
+    cell = np.cross(u, v) * (2 / len(a)) ** 2
+    to_P, to_Q = P - y, Q - y
+    tangent = np.sum(to_P * to_Q, axis=2) / np.cross(to_P, to_Q)
+    flow = ((y - P) @ n) ** -2.0 / means.mean()
+    energy = np.sum(cell * flow**2 * (1 + 2 * tangent**2 / (1 + NU)))
+    assert panel_of(np.column_stack([x, np.zeros(4)]), NU)[2] == pytest.approx(energy, rel=1e-4)
 
 
 def test_a_tapered_and_a_warped_panel_are_in_equilibrium() -> None:
@@ -264,17 +304,9 @@ def test_scalars_at_the_grid_of_a_rigid_element(tmp_path: Path) -> None:
 
 def test_what_turns_at_solids_is_held(tmp_path: Path) -> None:
     """A CBUSH in one place, and a CELAS about an axis, as AUTOSPC does."""
-    lines = ["SOL 103\nCEND\nBEGIN BULK\nPARAM,COUPMASS,1\n"]
-    for k in range(8):
-        x, y, z = k & 1, (k >> 1) & 1, k >> 2
-        lines.append(f"GRID,{k + 1},,{x}.,{y}.,{z}.\nGRID,{k + 11},,{x + 1}.,{y}.,{z}.\n")
-    lines.append("CHEXA,1,1,1,2,4,3,5,6,\n,8,7\nCHEXA,2,1,11,12,14,13,15,16,\n,18,17\n")
-    lines.append("PSOLID,1,1\nMAT1,1,2.1+11,,0.3,7850.\nENDDATA\n")
     cards = "CBUSH,9,9,2,11,,,,0\nPBUSH,9,K,1.+8,2.+8,3.+8,1.+5,1.+5,1.+5\nCELAS2,90,1.+5,1,5\n"
-    plain = body_of(tmp_path, "".join(lines), "tip=NODES:1")["K"].toarray()
-    text = "".join(lines).replace("ENDDATA", cards + "ENDDATA")
-    more = body_of(tmp_path, text, "tip=NODES:1")["K"].toarray()
-    values = np.linalg.eigvalsh(more - plain)
+    (K, _), _ = added(tmp_path, bricks(1), cards, "tip=NODES:1")
+    values = np.linalg.eigvalsh(K)
     np.testing.assert_allclose(values[-3:], [2e8, 4e8, 6e8], rtol=1e-6)
 
 

@@ -67,37 +67,39 @@ def alone_in(file: h5py.File) -> list[Ints]:
 
 
 class _Motions:
-    """Motions of all nodes: six of the body as a whole, and six of each group of nodes that need
-    not move with it. Displacements are in units of the body's size."""
+    """Motions of nodes: six of the body as a whole, and six of each group of nodes that need not
+    move with it. Displacements are in units of the body's size."""
 
     def __init__(self, points: Floats, alone: Sequence[Ints]) -> None:
+        self.points = points
         self.size = max(float(np.ptp(points, axis=0).max(initial=0)), 1e-300)
         self.count = 6 + 6 * len(alone)
-        self.first = np.zeros(len(points), dtype=int)  #: column of each node's motion
-        self.start = np.zeros((len(points), 3))  #: about this point
-        self.start[:] = points.mean(axis=0) if len(points) else 0.0
-        for k, nodes in enumerate(alone):
-            self.first[nodes], self.start[nodes] = 6 + 6 * k, points[nodes[0]]
-        arms = (points - self.start) / self.size
-        dofs = 6 * np.arange(len(points))[:, None] + np.arange(3)
-        rows, columns, values = [], [], []
-        for a in range(3):
-            turned = np.cross(np.eye(3)[a], arms)
-            rows += [dofs[:, a], dofs[:, a] + 3, dofs.ravel()]
-            columns += [self.first + a, self.first + 3 + a, np.repeat(self.first + 3 + a, 3)]
-            values += [np.ones(len(arms)), np.ones(len(arms)), turned.ravel()]
-        where = (np.concatenate(rows), np.concatenate(columns))
-        self.of_dofs = sp.csr_matrix((np.concatenate(values), where), (6 * len(points), self.count))
+        self.centre = points.mean(axis=0) if len(points) else np.zeros(3)
+        self.group = np.zeros(len(points), dtype=int)
+        for k, nodes in enumerate(alone, 1):
+            self.group[nodes] = k
+        self.starts = [self.centre, *(points[nodes[0]] for nodes in alone)]
 
-    def at(self, place: Floats, node: int) -> Floats:
-        """Of a place that moves with a node, (6, count)."""
-        found = np.zeros((6, self.count))
-        first = int(self.first[node])
-        found[:, first : first + 6] = np.eye(6)
-        arm = (place - self.start[node]) / self.size
+    def of(self, nodes: Ints, places: Floats) -> tuple[Ints, Floats]:
+        """Of places (k, 3) that move with nodes: the first column of each one's motion, and what
+        this is there, (k, 6, 6)."""
+        groups = self.group[nodes]
+        arms = (places - np.array(self.starts)[groups]) / self.size
+        found = np.broadcast_to(np.eye(6), (len(nodes), 6, 6)).copy()
         for a in range(3):
-            found[:3, first + 3 + a] = np.cross(np.eye(3)[a], arm)
-        return found
+            found[:, :3, 3 + a] = np.cross(np.eye(3)[a], arms)
+        return 6 * groups, found
+
+    def rows(self, first: Ints, values: Floats) -> sp.csr_matrix:
+        """Rows (k, 6) of motions that begin at these columns."""
+        columns = first[:, None] + np.arange(6)
+        at = (np.repeat(np.arange(len(first)), 6), columns.ravel())
+        return sp.csr_matrix((values.ravel(), at), (len(first), self.count))
+
+    def of_dofs(self, nodes: Ints, components: Ints) -> sp.csr_matrix:
+        """Of dofs, a row each."""
+        first, motion = self.of(nodes, self.points[nodes])
+        return self.rows(first, motion[np.arange(len(nodes)), components])
 
 
 def free_motions(
@@ -122,50 +124,46 @@ def free_motions(
     """
     motions = _Motions(points, alone)
     rows = [
-        motions.of_dofs[(6 * np.asarray(nodes)[:, None] + np.array(components, int)).ravel()]
+        motions.of_dofs(np.asarray(nodes), np.full(len(nodes), component))
         for nodes, components in held
-        if len(components)
+        for component in components
     ]
-    rows += [sp.csr_matrix(_resisted(motions, spring)) for spring in springs]
+    rows += [row for spring in springs for row in _resisted(motions, spring)]
     if constraints is not None and len(constraints.dependent):
-        rows.append(_constrained(motions, constraints, len(points)))
+        rows.append(_constrained(motions, constraints))
     if not rows:
         return 6
     return 6 - _rank(_of_body(sp.vstack(rows, format="csr")))
 
 
-def _resisted(motions: _Motions, spring: SpringAt) -> Floats:
-    """What a spring's ends do along the directions in which it is stiff."""
+def _resisted(motions: _Motions, spring: SpringAt) -> list[sp.csr_matrix]:
+    """What a spring's ends do along each direction in which it is stiff."""
     values, vectors = np.linalg.eigh(spring.stiffness)
     stiff = vectors[:, values > 1e-12 * values.max(initial=0)].T
-    rows = [np.zeros((0, motions.count))]
-    start, *rest = [(np.asarray(nodes), where) for nodes, where in spring.ends]
-    for k, place in enumerate(start[1]):
-        if not rest:
-            moved = motions.at(place, int(start[0][k]))
-        else:
-            nodes, where = rest[0]
-            other = min(k, len(where) - 1)
-            middle = (place + where[other]) / 2
-            moved = motions.at(middle, int(start[0][k]))
-            moved = moved - motions.at(middle, int(nodes[other]))
-        rows.append(stiff @ moved)
-    return np.vstack(rows)
+    (nodes, places), *rest = spring.ends
+    middle = (places + rest[0][1]) / 2 if rest else places
+    first, motion = motions.of(nodes, middle)
+    if not rest:
+        return [motions.rows(first, direction @ motion) for direction in stiff]
+    other = np.broadcast_to(rest[0][0], nodes.shape)
+    of_other, against = motions.of(other, middle)
+    apart = first != of_other  # ends that move as one do not resist it
+    return [
+        motions.rows(first[apart], direction @ motion[apart])
+        - motions.rows(of_other[apart], direction @ against[apart])
+        for direction in stiff
+        if apart.any()
+    ]
 
 
-def _constrained(motions: _Motions, constraints: Constraints, count: int) -> sp.csr_matrix:
+def _constrained(motions: _Motions, constraints: Constraints) -> sp.csr_matrix:
     """What motions do to each constraint: zero where they fulfil it."""
-    equations, size = len(constraints.dependent), motions.size
-
-    def terms(row: Ints, dofs: Ints, factor: Floats) -> sp.csr_matrix:
-        lengths = np.where(dofs[:, 1] < 3, size, 1.0)
-        at = (row, 6 * dofs[:, 0] + dofs[:, 1])
-        return sp.csr_matrix((factor * lengths, at), (equations, 6 * count))
-
-    first = terms(np.arange(equations), constraints.dependent, np.ones(equations))
-    rest = terms(constraints.row, constraints.independent, constraints.factor)
-    units = sp.diags(1 / np.where(constraints.dependent[:, 1] < 3, size, 1.0))
-    found: sp.csr_matrix = units @ ((first - rest) @ motions.of_dofs)
+    size, (dofs, others) = motions.size, (constraints.dependent, constraints.independent)
+    own, theirs = (np.where(of[:, 1] < 3, size, 1.0) for of in (dofs, others))
+    shares = (constraints.factor * theirs / own[constraints.row],
+              (constraints.row, np.arange(len(others))))  # fmt: skip
+    followed = sp.csr_matrix(shares, (len(dofs), len(others))) @ motions.of_dofs(*others.T)
+    found: sp.csr_matrix = motions.of_dofs(*dofs.T) - followed
     return found
 
 

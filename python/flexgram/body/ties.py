@@ -87,7 +87,7 @@ class Ties:
         gap[self.distance[which] * length < 1e-9 * sizes] = 0
         if turning[faces[0]].all():
             shift = np.einsum("ti,ab->tiab", N, np.eye(3))
-            by_turning = -np.einsum("ti,tab->tiab", N, _cross_matrices(gap))
+            by_turning = -np.einsum("ti,tab->tiab", N, cross_matrices(gap))
             whole = np.concatenate([shift, by_turning], axis=3)
             rotation = np.concatenate([np.zeros_like(shift), shift], axis=3)
         else:
@@ -98,7 +98,7 @@ class Ties:
                 yield from _rows(node, faces[k], rotation[k], 3)
 
 
-def _cross_matrices(a: Floats) -> Floats:
+def cross_matrices(a: Floats) -> Floats:
     """[a ×] of vectors (T, 3)."""
     result = np.zeros((len(a), 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):

@@ -320,7 +320,9 @@ def assemble_deck(
     if any(card.options.get("TYPE", "").upper() in ("S3R", "S4R") for card in job.model):
         remarks.append("S3R and S4R are taken as S3 and S4, integrated fully")
     taken = sorted({kind for kind in deck.types.values() if kind in TAKEN_AS})
-    remarks += [f"{kind} are taken as {TAKEN_AS[kind]}" for kind in taken]
+    for kind in taken:
+        locks = ", which is too stiff where nu is near 0.5" if "H" in kind else ""
+        remarks.append(f"{kind} are taken as {TAKEN_AS[kind]}{locks}")
     if some := sorted({kind for kind in deck.types.values() if kind in ("S6", "S8", "S8R")}):
         remarks.append(
             f"{' and '.join(some)} are taken as four elements of first order each, which ccx makes "

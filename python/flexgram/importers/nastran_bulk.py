@@ -149,7 +149,7 @@ class _Bulk:
         alone += [*self.elements.scalars.values(), *self.points.scalars.nodes, *self.welds.nodes]
         if alone:
             content["nodes_alone"] = alone
-            hold_untouched(content, self.elements.mesh().points)
+            hold_untouched(content, self.elements.places())
         return content
 
     def number(self, entry: dict[str, Any]) -> None:

@@ -285,7 +285,7 @@ class BulkDeck:
             if lines and lines[0].split(",")[0].split()[0].upper().rstrip("*") == card:
                 with named(self.path, f"{card} is not understood"):
                     fields = to_fields(lines, card)
-                    found.append([str(f or "").strip() for f in [*fields, *16 * [""]]][:40])
+                    found.append([str(f or "").strip() for f in [*fields, *16 * [""]]])
         return found
 
     def remark(self, words: str) -> None:

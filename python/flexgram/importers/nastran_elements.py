@@ -85,11 +85,15 @@ class Elements:
         place: Floats = self.deck.points[index] if index < count else self.ends[index - count]
         return place
 
+    def places(self) -> Floats:
+        """Of all nodes: grids, and those behind them."""
+        return np.vstack([self.deck.points, *(end[None, :] for end in self.ends)])
+
     def mesh(self) -> meshio.Mesh:
         keys = list(self.groups)
         none = np.empty(0, dtype=np.int64)
         return meshio.Mesh(
-            np.vstack([self.deck.points, *(end[None, :] for end in self.ends)]),
+            self.places(),
             [(kind, np.array(self.groups[region, kind][0])) for region, kind in keys],
             cell_sets={
                 region: [

@@ -18,9 +18,6 @@ from flexgram.importers.nastran_deck import BulkDeck
 from flexgram.importers.nastran_elements import Elements
 from flexgram.importers.nastran_equations import Equations
 
-#: Out of the plane of a panel, over its size, less is rounding.
-FLAT = 1e-3
-
 
 class Scalars:
     """Nodes of such numbers, and what acts there."""
@@ -86,8 +83,8 @@ class Scalars:
         return terms, self.elements.point(self.deck.at(label) if scalar is None else scalar - 1)
 
     def bush(self, number: int, nodes: list[int], axes: Floats, of: dict[str, Any]) -> None:
-        """A CBUSH whose grids lie apart and do not both have rotations: it acts midway, and what
-        turns at a grid without rotations is held, as AUTOSPC does.
+        """A CBUSH between two grids of which one at least has no rotations: it acts midway, and
+        these count as held, as AUTOSPC does.
 
         ``of``: (6,) arrays ``K`` and ``B`` along the axes (in rows), and ``losses``."""
         where = self.deck.points[[self.deck.at(n) for n in nodes]]

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from flexgram.basics import Floats, Ints
 from flexgram.body.face_integrals import face_functions
-from flexgram.body.ties import tied
+from flexgram.body.ties import cross_matrices, tied
 from flexgram.importers.alone import COMPONENTS, Row
 from flexgram.importers.nastran_deck import BulkDeck, named
 from flexgram.importers.nastran_elements import Elements
@@ -29,7 +29,6 @@ CORNERS = {"CQUAD4": 4, "CQUADR": 4, "CQUAD8": 4, "CTRIA3": 3, "CTRIAR": 3, "CTR
 AROUND = 24
 #: Of a weld's length over its diameter.
 LEAST, MOST = 0.2, 5.0
-
 
 #: Of a point on a face: weights of its nodes, and these.
 Share = tuple[Floats, Ints]
@@ -72,6 +71,7 @@ class Welds:
         self.equations = equations
         self.nodes: list[int] = []  #: from 1
         self._faces: dict[int, list[Ints]] = {}  #: by property
+        self._pwelds = {row[1]: row for row in deck.rejected("PWELD")}
         self._at_node: dict[int, dict[int, set[int]]] = {}  #: by property, its faces at a node
         welds = [self._fastener(number, element) for number, element in elements.fasteners]
         welds += [self._weld(fields) for fields in deck.rejected("CWELD")]
@@ -177,14 +177,14 @@ class Welds:
             if kind == "PARTPAT"
             else [self._patch("CWELD", number, eid, kind == "ELEMID") for eid in ids]
         )
-        found = [row for row in self.deck.rejected("PWELD") if row[1] == fields[2]]
-        if not found:
+        prop = self._pwelds.get(fields[2])
+        if prop is None:
             raise self.deck.refuse("CWELD", number, f"there is no PWELD {fields[2]}")
         length = 0.0
-        if found[0][8].upper() == "SPOT":
+        if prop[8].upper() == "SPOT":
             length = sum(self._thickness(number, i, kind != "PARTPAT") for i in ids) / 2
-        diameter = self._size("CWELD", number, found[0][3])
-        return Weld("CWELD", number, where, (sheets[0], sheets[1]), diameter, found[0], length)
+        diameter = self._size("CWELD", number, prop[3])
+        return Weld("CWELD", number, where, (sheets[0], sheets[1]), diameter, prop, length)
 
     def _add(self, weld: Weld, feet: list[tuple[Floats, Floats]], met: list[list[Share]]) -> None:
         """Nodes at both feet (places and normals), and what is between them."""
@@ -254,7 +254,7 @@ class Welds:
     def _follow(self, weld: Weld, node: int, place: Floats, met: list[Share]) -> None:
         """Equations of an end, which moves as points around it."""
         arms = [weights @ self.deck.points[face] - place for weights, face in met]
-        moved = np.vstack([np.hstack([np.eye(3), -_cross(arm)]) for arm in arms])
+        moved = np.vstack([np.hstack([np.eye(3), -a]) for a in cross_matrices(np.array(arms))])
         fit = np.linalg.pinv(moved)  # (6, 12)
         rows: list[Row] = []
         for c in range(6):
@@ -312,8 +312,3 @@ def _square(place: Floats, normal: Floats, diameter: float) -> Floats:
     second = np.cross(normal, first)
     corners: Floats = place + np.array([a * first + b * second for a in (-1, 1) for b in (-1, 1)])
     return corners
-
-
-def _cross(a: Floats) -> Floats:
-    """[a ×]"""
-    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0.0]])

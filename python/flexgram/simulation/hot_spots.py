@@ -230,7 +230,7 @@ def describe(spots: list[HotSpot]) -> list[str]:
         more += f", side: {spot.side}" if spot.side else ""
         lines.append(f"  spot{k}: {{type: stress, nodes: [{spot.node}]{more}}}")
     if not any(spot.elements for spot in spots):
-        side = f"/{spots[0].side}" if spots and spots[0].side else ""
+        side = "/SIDE" if any(spot.side for spot in spots) else ""
         lines.append(
             f"or by the import: --measure NAME=stress{side}:AT:x,y,z, with these places in the "
             "units of its files (here they are in metres)"
