@@ -18,14 +18,19 @@ import numpy as np
 
 from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
-from flexgram.importers.alone import hold_untouched
+from flexgram.importers.alone import COMPONENTS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import SHELL_KINDS, TAKEN_AS, Deck, read_deck
 from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
 from flexgram.importers.deck_constraints import along, equations_of, ties_of
 from flexgram.importers.deck_couplings import CARDS as COUPLINGS
-from flexgram.importers.deck_couplings import Coupling, couplings_of
+from flexgram.importers.deck_couplings import (
+    Coupling,
+    add_couplings,
+    couplings_of,
+    hold_references,
+)
 from flexgram.importers.deck_instances import flat
 from flexgram.importers.deck_lines import BEAMS, TRUSSES
 from flexgram.importers.deck_lines import CARDS as LINE_SECTIONS
@@ -127,11 +132,6 @@ HELD = {
     "YASYMM": (1, 3, 5),
     "ZASYMM": (1, 2, 6),
 }
-AXES = ("x", "y", "z", "rx", "ry", "rz")
-FREE_ROTATIONS = (
-    "rotations of shells and beams do not follow its reference (as in CalculiX; with TIE NSET they "
-    "do)"
-)
 
 
 def supports_of(
@@ -165,14 +165,14 @@ def supports_of(
             for label in labels:
                 for direction in named or range(first, min(last, 6) + 1):
                     if direction < 4 or label in turning:
-                        held.setdefault(int(label), set()).add(AXES[direction - 1])
-    _hold_references(job, held, couplings)
+                        held.setdefault(int(label), set()).add(COMPONENTS[direction - 1])
+    hold_references(job, held, couplings)
     skew = _held_along_own_axes(job, deck, held)
     alike: dict[str, list[int]] = {}
     for label, directions in held.items():
         at = int(np.searchsorted(deck.labels, label))
         if at < len(deck.labels) and deck.labels[at] == label:
-            alike.setdefault(",".join(sorted(directions, key=AXES.index)), []).append(at)
+            alike.setdefault(",".join(sorted(directions, key=COMPONENTS.index)), []).append(at)
     alike.pop("", None)
     return alike, {"held_along_own_axes": {"terms": skew}} if skew else {}
 
@@ -185,47 +185,14 @@ def _held_along_own_axes(job: Job, deck: Deck, held: dict[int, set[str]]) -> lis
     axes = axes_of_nodes(job, deck)
     for label in sorted(set(axes) & set(held) & used):
         number = deck.index(job.path, label) + 1
-        for block in (set(AXES[:3]), set(AXES[3:])):
+        for block in (set(COMPONENTS[:3]), set(COMPONENTS[3:])):
             some = held[label] & block
             if len(some) < 3:
                 held[label] -= some
-                found += [along(axes, label, number, c, 1.0) for c in sorted(map(AXES.index, some))]
+                found += [
+                    along(axes, label, number, c, 1.0) for c in sorted(map(COMPONENTS.index, some))
+                ]
     return found
-
-
-def _ground(content: dict[str, Any], number: int) -> None:
-    """A node that is held carries no mass, and springs end at the ground there."""
-    masses, springs = content["masses"], content["springs"]
-    for name in [name for name, of in masses.items() if of.get("nodes") == [number]]:
-        del masses[name]
-    for name, of in list(springs.items()):
-        if of.get("to_nodes") == [number]:
-            del of["to_nodes"]
-        elif of.get("nodes") == [number] and "to_nodes" in of:
-            of["nodes"] = of.pop("to_nodes")
-        elif of.get("nodes") == [number]:
-            del springs[name]
-
-
-def _hold_references(job: Job, held: dict[int, set[str]], couplings: Sequence[Coupling]) -> None:
-    """The nodes of a coupling whose reference is held as a whole are held, instead of it."""
-    for coupling in couplings:
-        directions = held.pop(coupling.reference, set())
-        if coupling.rotation is not None:
-            directions |= {f"r{axis}" for axis in held.pop(coupling.rotation, set())}
-        if not directions:
-            continue
-        if directions != set(AXES) and coupling.kind == "rigid":
-            held[coupling.reference] = directions  # a node of the body
-            continue
-        if coupling.kind != "rigid":
-            raise BodyError(
-                f"{job.path}: the reference node {coupling.reference} of {coupling.name}, which is "
-                "distributing, is held: take --run-ccx"
-            )
-        moved = {AXES[c - 1] for c in coupling.directions} or set(AXES)
-        for label in coupling.nodes:
-            held.setdefault(label, set()).update(moved)
 
 
 def assemble_deck(
@@ -377,7 +344,7 @@ def assemble_deck(
             key: getattr(damping, key) if value is None else value for key, value in given.items()
         },
     }
-    remarks += _add_couplings(job, deck, couplings, content)
+    remarks += add_couplings(job, deck, couplings, content)
     content |= further_keys(merge, keep_repeated, spin, preload)
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
@@ -389,66 +356,6 @@ def _used_sections(
     """Those of regions, whose names begin with that of their section."""
     used = {region.partition("_")[0] for region in material_of}
     return {name: of for name, of in sections.items() if name in used}
-
-
-def _add_couplings(
-    job: Job, deck: Deck, couplings: Sequence[Coupling], content: dict[str, Any]
-) -> list[str]:
-    """Their interfaces, unless they are held, and what is at their reference nodes. Those of some
-    directions, and those whose reference is held in some, become equations. Returns what is to be
-    said."""
-    remarks: list[str] = []
-    alone: list[int] = []
-    used = {node for _, nodes in deck.elements.values() for node in nodes}
-    held = {i for s in content["supports"].values() for i in s["nodes"]}
-    for coupling in couplings:
-        entry = coupling.entry(deck)
-        number = deck.index(job.path, coupling.reference) + 1
-        if coupling.kind == "rigid" and set(entry["nodes"]) <= held:
-            _ground(content, number)
-            remarks.append(
-                f"{coupling.name} is no interface: its reference, and so its nodes, are held"
-            )
-            continue
-        if coupling.directions or number in held:
-            if coupling.name in content["equations"]:
-                raise BodyError(f"two couplings are named {coupling.name}: CONSTRAINT NAME them")
-            terms = coupling.equations(deck, deck.turning())
-            content["equations"][coupling.name] = {"terms": terms}
-            alone += [number] if coupling.reference not in used else []
-            if coupling.kind == "rigid" and coupling.turns(deck) and number not in held:
-                content["interfaces"].setdefault(
-                    coupling.name, {"coupling": "node", "nodes": [number]}
-                )
-                remarks.append(f"{coupling.name}: {FREE_ROTATIONS}")
-                continue
-            why = (
-                "its reference is held in some directions"
-                if number in held
-                else (
-                    "it moves others in some directions; --node makes one of node "
-                    f"{coupling.reference}"
-                )
-            )
-            remarks.append(f"{coupling.name} is no interface: {why}")
-            continue
-        if coupling.name in content["interfaces"]:
-            raise BodyError(f"interface {coupling.name} is given twice: it is one of the deck's")
-        content["interfaces"][coupling.name] = entry
-        if coupling.reference in used:
-            if coupling.kind == "rigid":
-                entry["nodes"].append(number)
-            continue
-        for entries in (content["masses"], content["springs"]):
-            for of in entries.values():
-                for nodes, interface in (("nodes", "at"), ("to_nodes", "to")):
-                    if of.get(nodes) == [number]:
-                        del of[nodes]
-                        of[interface] = coupling.name
-    if alone:
-        content["nodes_alone"] = alone
-        hold_untouched(content, deck.points)
-    return remarks
 
 
 def _add_loads_of_steps(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from flexgram.basics import BodyError
 from flexgram.body.faces import LINEAR, MIDDLES
-from flexgram.importers.alone import rigid_row
+from flexgram.importers.alone import COMPONENTS, hold_untouched, rigid_row
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import TURNING, Deck
 from flexgram.importers.deck_loads import NUMBERED
@@ -215,3 +215,104 @@ def _face(job: Job, card: Card, kind: str, nodes: list[int], side: str) -> set[i
         middle for edge, middle in MIDDLES.get(kind, {}).items() if edge <= frozenset(corners)
     ]
     return {nodes[k] for k in (*corners, *middles)}
+
+
+def hold_references(job: Job, held: dict[int, set[str]], couplings: Sequence[Coupling]) -> None:
+    """The nodes of a coupling whose reference is held as a whole are held, instead of it."""
+    for coupling in couplings:
+        directions = held.pop(coupling.reference, set())
+        if coupling.rotation is not None:
+            directions |= {f"r{axis}" for axis in held.pop(coupling.rotation, set())}
+        if not directions:
+            continue
+        if directions != set(COMPONENTS) and coupling.kind == "rigid":
+            held[coupling.reference] = directions  # a node of the body
+            continue
+        if coupling.kind != "rigid":
+            raise BodyError(
+                f"{job.path}: the reference node {coupling.reference} of {coupling.name}, which is "
+                "distributing, is held: take --run-ccx"
+            )
+        moved = {COMPONENTS[c - 1] for c in coupling.directions} or set(COMPONENTS)
+        for label in coupling.nodes:
+            held.setdefault(label, set()).update(moved)
+
+
+FREE_ROTATIONS = (
+    "rotations of shells and beams do not follow its reference (as in CalculiX; with TIE NSET they "
+    "do)"
+)
+
+
+def _ground(content: dict[str, Any], number: int) -> None:
+    """A node that is held carries no mass, and springs end at the ground there."""
+    masses, springs = content["masses"], content["springs"]
+    for name in [name for name, of in masses.items() if of.get("nodes") == [number]]:
+        del masses[name]
+    for name, of in list(springs.items()):
+        if of.get("to_nodes") == [number]:
+            del of["to_nodes"]
+        elif of.get("nodes") == [number] and "to_nodes" in of:
+            of["nodes"] = of.pop("to_nodes")
+        elif of.get("nodes") == [number]:
+            del springs[name]
+
+
+def add_couplings(
+    job: Job, deck: Deck, couplings: Sequence[Coupling], content: dict[str, Any]
+) -> list[str]:
+    """Their interfaces, unless they are held, and what is at their reference nodes. Those of some
+    directions, and those whose reference is held in some, become equations. Returns what is to be
+    said."""
+    remarks: list[str] = []
+    alone: list[int] = []
+    used = {node for _, nodes in deck.elements.values() for node in nodes}
+    held = {i for s in content["supports"].values() for i in s["nodes"]}
+    for coupling in couplings:
+        entry = coupling.entry(deck)
+        number = deck.index(job.path, coupling.reference) + 1
+        if coupling.kind == "rigid" and set(entry["nodes"]) <= held:
+            _ground(content, number)
+            remarks.append(
+                f"{coupling.name} is no interface: its reference, and so its nodes, are held"
+            )
+            continue
+        if coupling.directions or number in held:
+            if coupling.name in content["equations"]:
+                raise BodyError(f"two couplings are named {coupling.name}: CONSTRAINT NAME them")
+            terms = coupling.equations(deck, deck.turning())
+            content["equations"][coupling.name] = {"terms": terms}
+            alone += [number] if coupling.reference not in used else []
+            if coupling.kind == "rigid" and coupling.turns(deck) and number not in held:
+                content["interfaces"].setdefault(
+                    coupling.name, {"coupling": "node", "nodes": [number]}
+                )
+                remarks.append(f"{coupling.name}: {FREE_ROTATIONS}")
+                continue
+            why = (
+                "its reference is held in some directions"
+                if number in held
+                else (
+                    "it moves others in some directions; --node makes one of node "
+                    f"{coupling.reference}"
+                )
+            )
+            remarks.append(f"{coupling.name} is no interface: {why}")
+            continue
+        if coupling.name in content["interfaces"]:
+            raise BodyError(f"interface {coupling.name} is given twice: it is one of the deck's")
+        content["interfaces"][coupling.name] = entry
+        if coupling.reference in used:
+            if coupling.kind == "rigid":
+                entry["nodes"].append(number)
+            continue
+        for entries in (content["masses"], content["springs"]):
+            for of in entries.values():
+                for nodes, interface in (("nodes", "at"), ("to_nodes", "to")):
+                    if of.get(nodes) == [number]:
+                        del of[nodes]
+                        of[interface] = coupling.name
+    if alone:
+        content["nodes_alone"] = alone
+        hold_untouched(content, deck.points)
+    return remarks
