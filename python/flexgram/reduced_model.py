@@ -137,6 +137,7 @@ class ReducedModel(ReducedBody):
         q: ArrayLike | None = None,
         body: str | Path | None = None,
         u: ArrayLike | None = None,
+        side: str = "",
     ) -> Floats:
         """Principal stresses at the nodes, (k, N, 3) [N/m²], descending; as ``stress``.
 
@@ -146,19 +147,20 @@ class ReducedModel(ReducedBody):
         >>> rom.principal().shape[::2] == (rom.order, 3)
         True
         """
-        return recovery.principal_stress_at_nodes(self, q, body, u)
+        return recovery.principal_stress_at_nodes(self, q, body, u, side)
 
     def stress(
         self,
         q: ArrayLike | None = None,
         body: str | Path | None = None,
         u: ArrayLike | None = None,
+        side: str = "",
     ) -> Floats:
         """Stress at the nodes of a body that flexgram assembled, (k, N, 6) [N/m²].
 
         Of the elements' own strain, averaged at nodes (``flexgram.body.stress``): xx, yy, zz, xy,
-        yz, zx; NaN at nodes of no deforming solid. Nothing is claimed of it but of ``outputs`` of
-        the type stress; their values are these.
+        yz, zx; NaN at nodes of no deforming solid, or shell. Nothing is claimed of it but of
+        ``outputs`` of the type stress; their values are these.
 
         Parameters
         ----------
@@ -168,11 +170,17 @@ class ReducedModel(ReducedBody):
             Body file; default: the one that was reduced, if it is there.
         u : (k, n_in) array, optional
             Inputs at the same moments: needed if one of them is a temperature.
+        side : str
+            That of shells: ``top``, ``middle`` or ``bottom``. Where shells of different sections
+            meet, or meet at an angle, a node has the stress of those with the largest von Mises
+            stress. Default: solids. ``larger``: of solids, and of shells that of their top or
+            bottom.
 
         Raises
         ------
         BodyError
-            Without that file, or if it holds matrices; without ``u`` where heat strains the body.
+            Without that file, or if it holds matrices; without ``u`` where heat strains the body;
+            without ``side`` where there are shells alone.
 
         Examples
         --------
@@ -180,7 +188,7 @@ class ReducedModel(ReducedBody):
         >>> rom.stress().shape[::2] == (rom.order, 6)
         True
         """
-        return recovery.stress_at_nodes(self, q, body, u)
+        return recovery.stress_at_nodes(self, q, body, u, side)
 
     def physical(self) -> PhysicalForm:
         """The same body in the motions of its interfaces and the modes with these held, as

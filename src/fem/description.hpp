@@ -102,6 +102,8 @@ struct NodeTemperatures {
   std::string input; ///< of the load, for which they are given
   std::vector<std::int64_t> nodes;
   std::vector<double> values; ///< [K]
+  /// Along the normal of shells, whose middle has these temperatures [K/m]; empty: none.
+  std::vector<double> gradients = {};
 };
 
 /// A bolt that is tightened: the elements that have all of these nodes shorten along its axis.
@@ -128,7 +130,8 @@ struct SectionLayer {
   double thickness = 0; ///< [m]
   double angle = 0;     ///< of the material's first axis from the section's [rad]
   ShellRole role = ShellRole::all;
-  double factor = 1; ///< as ShellLayer's
+  double factor = 1;             ///< as ShellLayer's
+  std::array<double, 2> sides{}; ///< so
 };
 
 /// A shell's section.

@@ -21,7 +21,7 @@ std::array<T, N> fixed(const Hdf5File& file, const std::string& object,
     throw Error(text("file %s: attribute %s of %s must have %zu numbers, it has %zu",
                      file.path().c_str(), name.c_str(), object.c_str(), N,
                      values.size()));
-  std::array<T, N> result;
+  std::array<T, N> result{};
   std::copy(values.begin(), values.end(), result.begin());
   return result;
 }

@@ -33,7 +33,8 @@ Shell shell_of(const BodyDescription& body, const PlacedElement& at) {
   for (const SectionLayer& layer : layers) {
     const Material& material = body.materials.at(layer.material);
     shell.layers.push_back({material.in_own_axes.stiffness, material.solid.density,
-                            layer.thickness, layer.angle, layer.role, layer.factor});
+                            layer.thickness, layer.angle, layer.role, layer.factor,
+                            layer.sides, material.in_own_axes.expansion});
     shell.place.isotropic = shell.place.isotropic && material.isotropic;
   }
   shell.law = shell_law(shell.layers);
@@ -264,16 +265,17 @@ StressStiffness stress_stiffness(const BodyDescription& body, const PlacedElemen
   if (is_discrete(block.type))
     return {Dense(dofs_of(block), dofs_of(block)), Dense(dofs_of(block), dofs_of(block))};
   if (is_shell(block.type)) {
-    if (free)
-      throw Error("a temperature or a pretension acts on it, and shells take neither");
+    if (free && free->uniform != std::array<double, 6>{})
+      throw Error("a pretension acts on it, which is one of solids, beams and rods");
     const Shell shell = shell_of(body, at);
     if (!is_membrane(block.type))
-      return shell_stress_stiffness(block.type, x, shell.layers, shell.place, u,
+      return shell_stress_stiffness(block.type, x, shell.layers, shell.place, u, free,
                                     deformation);
     const StressStiffness six =
         shell_stress_stiffness(surface_of(block.type), x, shell.layers, shell.place,
-                               with_rotations(u), deformation);
-    return {of_displacements(six.linear), of_displacements(six.quadratic)};
+                               with_rotations(u), free, deformation);
+    return {of_displacements(six.linear), of_displacements(six.quadratic),
+            displacements_of(six.free)};
   }
   const Material& material = body.materials.at(block.material);
   if (block.type == ElementType::rod2)

@@ -125,6 +125,8 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
 /// Strain that a solid has without stress: by warming, and the same everywhere in it.
 struct FreeStrain {
   std::vector<double> temperature; ///< of its nodes [K]; empty: as without stress
+  std::vector<double>
+      gradient; ///< of its nodes, along the normal of a shell [K/m]; empty: none
   std::array<double, 6> uniform{}; ///< engineering shears
 };
 

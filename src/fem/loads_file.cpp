@@ -129,15 +129,22 @@ void read_free_strain(const Hdf5File& file, const std::string& name,
   const std::string heat = "/loads/" + name + "/temperature",
                     bolt = "/loads/" + name + "/pretension";
   if (file.exists(heat)) {
-    NodeTemperatures warm{name + ".T", read_nodes(file, heat, body.points),
+    const std::string column = file.texts_attribute("/loads/" + name, "columns").front();
+    NodeTemperatures warm{name + "." + column, read_nodes(file, heat, body.points),
                           file.read_all<double>(heat + "/values")};
     if (warm.values.size() != warm.nodes.size())
       throw Error(text("file %s: %s must have one value a node", file.path().c_str(),
                        heat.c_str()));
-    for (double value : warm.values)
-      if (!std::isfinite(value))
-        throw Error(text("file %s: %s/values holds %g", file.path().c_str(), heat.c_str(),
-                         value));
+    if (file.exists(heat + "/gradients"))
+      warm.gradients = file.read_all<double>(heat + "/gradients");
+    if (!warm.gradients.empty() && warm.gradients.size() != warm.nodes.size())
+      throw Error(text("file %s: %s must have one gradient a node", file.path().c_str(),
+                       heat.c_str()));
+    for (const auto* numbers : {&warm.values, &warm.gradients})
+      for (double value : *numbers)
+        if (!std::isfinite(value))
+          throw Error(
+              text("file %s: %s holds %g", file.path().c_str(), heat.c_str(), value));
     body.temperatures.push_back(std::move(warm));
   }
   if (file.exists(bolt)) {

@@ -8,9 +8,10 @@
 namespace flexgram {
 namespace {
 
-/// Strains of the middle surface over displacements of the nodes, and internal ones behind them.
+/// Strains of the middle surface over displacements of the nodes, and internal ones behind them;
+/// curvatures are zero.
 Dense stretch_of(const ShellStrain& at, int nodes, int internal) {
-  Dense stretch(3, 3 * nodes + internal);
+  Dense stretch(6, 3 * nodes + internal);
   for (int r = 0; r < 3; ++r) {
     for (int dof = 0; dof < 3 * nodes; ++dof)
       stretch(r, dof) = at.stretch(r, 6 * (dof / 3) + dof % 3);
@@ -20,16 +21,21 @@ Dense stretch_of(const ShellStrain& at, int nodes, int internal) {
   return stretch;
 }
 
-/// K over all dofs; the internal ones of a triangle bend alone.
+/// Internal dofs; those of a triangle bend alone.
+int internal_dofs(const ShellShape& shape) {
+  const int nodes = static_cast<int>(shape.normals.size());
+  return nodes == 4 ? shape.dofs() - 6 * nodes : 0;
+}
+
+/// K over all dofs.
 Dense whole_stiffness(const ShellShape& shape, const ShellLaw& law,
                       const ShellPlace& place) {
-  const int nodes = static_cast<int>(shape.normals.size());
-  const int internal = nodes == 4 ? shape.dofs() - 6 * nodes : 0;
+  const int nodes = static_cast<int>(shape.normals.size()),
+            internal = internal_dofs(shape);
   Dense K(3 * nodes + internal, 3 * nodes + internal);
-  const Dense A = part_of(law.ABD, 0, 3, 0, 3);
   for (const ShellStrain& at : shape.strains(place)) {
     const Dense stretch = stretch_of(at, nodes, internal);
-    add_to(K, multiply_transposed(stretch, multiply(A, stretch)), at.area);
+    add_to(K, multiply_transposed(stretch, multiply(law.ABD, stretch)), at.area);
   }
   symmetrise(K);
   return K;
@@ -55,6 +61,13 @@ Dense of_displacements(const Dense& six) {
   for (int j = 0; j < three.rows; ++j)
     for (int i = 0; i < three.rows; ++i)
       three(i, j) = six(6 * (i / 3) + i % 3, 6 * (j / 3) + j % 3);
+  return three;
+}
+
+Dense displacements_of(const Dense& six) {
+  Dense three(six.rows / 2, six.columns);
+  for (int i = 0; i < three.rows && three.columns > 0; ++i)
+    three(i, 0) = six(6 * (i / 3) + i % 3, 0);
   return three;
 }
 
@@ -87,6 +100,36 @@ ElementMatrices membrane_matrices(ElementType type, const std::vector<Vector3>& 
   const Dense K = whole_stiffness(shape, law, place);
   result.K = condensed(K, condensation_of(K, nodes.size()));
   return result;
+}
+
+std::vector<ShellStrainPoint> membrane_strains(ElementType type,
+                                               const std::vector<Vector3>& nodes,
+                                               const ShellLaw& law,
+                                               const ShellPlace& place) {
+  const ShellShape shape(surface_of(type), nodes);
+  const Dense T = condensation_of(whole_stiffness(shape, law, place), nodes.size());
+  std::vector<ShellStrainPoint> points;
+  for (const ShellStrain& at : shape.strains(place)) {
+    const Dense stretch =
+        stretch_of(at, static_cast<int>(nodes.size()), internal_dofs(shape));
+    points.push_back({at.area, multiply(stretch, T), at.axes});
+  }
+  return points;
+}
+
+HeldShell hold_membrane(ElementType type, const std::vector<Vector3>& nodes,
+                        const ShellLaw& law, const ShellPlace& place,
+                        const std::vector<Dense>& resultants) {
+  const ShellShape shape(surface_of(type), nodes);
+  std::vector<Dense> stretch;
+  std::vector<double> area;
+  for (const ShellStrain& at : shape.strains(place)) {
+    stretch.push_back(
+        stretch_of(at, static_cast<int>(nodes.size()), internal_dofs(shape)));
+    area.push_back(at.area);
+  }
+  return hold(whole_stiffness(shape, law, place), internal_dofs(shape), stretch, area,
+              resultants);
 }
 
 Dense membrane_part_stiffness(ElementType type, const std::vector<Vector3>& nodes,

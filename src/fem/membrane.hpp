@@ -17,10 +17,21 @@ ElementMatrices membrane_matrices(ElementType type, const std::vector<Vector3>& 
 Dense membrane_part_stiffness(ElementType type, const std::vector<Vector3>& nodes,
                               const ShellLaw& law, const ShellLaw& part,
                               const ShellPlace& place);
+/// As shell_strains, over three dofs a node; curvatures are zero.
+std::vector<ShellStrainPoint> membrane_strains(ElementType type,
+                                               const std::vector<Vector3>& nodes,
+                                               const ShellLaw& law,
+                                               const ShellPlace& place);
+/// As hold_shell.
+HeldShell hold_membrane(ElementType type, const std::vector<Vector3>& nodes,
+                        const ShellLaw& law, const ShellPlace& place,
+                        const std::vector<Dense>& resultants);
 /// The shell of its shape; of others what they are.
 ElementType surface_of(ElementType type);
 /// Of six numbers a node the three displacements, in rows and columns.
 Dense of_displacements(const Dense& six);
+/// Of six numbers a node, in one column, the three of displacements.
+Dense displacements_of(const Dense& six);
 /// Displacements with rotations of zero.
 std::vector<double> with_rotations(const std::vector<double>& u);
 

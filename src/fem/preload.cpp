@@ -79,6 +79,9 @@ Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& ma
       temperature_.resize(as_size(body.points));
       for (std::size_t k = 0; k < warm.nodes.size(); ++k)
         temperature_[as_size(warm.nodes[k])] += value * warm.values[k];
+      if (!warm.gradients.empty()) gradient_.resize(as_size(body.points));
+      for (std::size_t k = 0; k < warm.gradients.size(); ++k)
+        gradient_[as_size(warm.nodes[k])] += value * warm.gradients[k];
     }
     for (const AccelerationField& field : body.fields) {
       const auto names = input_names(field);
@@ -222,6 +225,12 @@ std::optional<FreeStrain> Preload::free_strain(const PlacedElement& at) const {
     for (std::int64_t node : nodes)
       any |= strain.temperature.emplace_back(temperature_[as_size(node)]) != 0;
   if (!any) strain.temperature.clear();
+  bool slopes = false;
+  if (!gradient_.empty() && is_shell(at.block().type))
+    for (std::int64_t node : nodes)
+      slopes |= strain.gradient.emplace_back(gradient_[as_size(node)]) != 0;
+  if (!slopes) strain.gradient.clear();
+  any |= slopes;
   for (const auto& [bolt, force, shortened] : bolts_) {
     const auto& shank = bolt->nodes;
     if (!std::all_of(nodes.begin(), nodes.end(), [&](std::int64_t node) {

@@ -75,6 +75,7 @@ private:
   std::vector<double> u_; ///< of all equations
   std::vector<Field> fields_;
   std::vector<double> temperature_; ///< of nodes [K]; empty: as without stress
+  std::vector<double> gradient_;    ///< of nodes, along normals [K/m]; empty: none
   std::vector<Tightened> bolts_;
   double largest_ = 0; ///< displacement [m]
   Deformation deformation_;

@@ -163,6 +163,11 @@ ShellSection read_shell(const Hdf5File& file, const std::string& name) {
                        object.c_str(), factor.c_str(), layer.factor));
     if (file.has_attribute(object, material))
       layer.material = file.text_attribute(object, material);
+    if (role == ShellRole::bending)
+      layer.sides =
+          file.has_attribute(object, "sides")
+              ? fixed<double, 2>(file, object, "sides")
+              : std::array<double, 2>{-0.5 * section.thickness, 0.5 * section.thickness};
     section.apart.push_back(layer);
   };
   read_apart("bending", ShellRole::bending);

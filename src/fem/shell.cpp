@@ -105,6 +105,7 @@ std::vector<ShellStrainPoint> shell_strains(ElementType type,
                                             const std::vector<Vector3>& nodes,
                                             const ShellLaw& law,
                                             const ShellPlace& place) {
+  if (is_membrane(type)) return membrane_strains(type, nodes, law, place);
   const MiddleSurface middle(type, nodes, place);
   const std::vector<ShellStrain> strains = middle.shape.strains(place);
   Dense T = condensation(shell_stiffness(middle.shape, strains, law),
@@ -114,6 +115,37 @@ std::vector<ShellStrainPoint> shell_strains(ElementType type,
   for (const ShellStrain& at : strains)
     points.push_back({at.area, multiply(at.stretch, T), at.axes});
   return points;
+}
+
+HeldShell hold_shell(ElementType type, const std::vector<Vector3>& nodes,
+                     const ShellLaw& law, const ShellPlace& place,
+                     const std::vector<Dense>& resultants) {
+  if (is_membrane(type)) return hold_membrane(type, nodes, law, place, resultants);
+  const MiddleSurface middle(type, nodes, place);
+  const std::vector<ShellStrain> strains = middle.shape.strains(place);
+  std::vector<Dense> stretch;
+  std::vector<double> area;
+  for (const ShellStrain& at : strains) {
+    stretch.push_back(at.stretch);
+    area.push_back(at.area);
+  }
+  HeldShell held = hold(shell_stiffness(middle.shape, strains, law),
+                        middle.shape.dofs() - 6 * static_cast<int>(nodes.size()), stretch,
+                        area, resultants);
+  if (!middle.T.data.empty()) held.forces = multiply_transposed(middle.T, held.forces);
+  return held;
+}
+
+HeldShell hold(const Dense& K, int internal, const std::vector<Dense>& stretch,
+               const std::vector<double>& area, const std::vector<Dense>& resultants) {
+  Dense load(K.rows, 1);
+  for (std::size_t p = 0; p < stretch.size(); ++p)
+    add_to(load, multiply_transposed(stretch[p], resultants[p]), area[p]);
+  HeldShell held;
+  const Dense give = internal_response(K, internal, load);
+  for (const Dense& at : stretch) held.strains.push_back(multiply(at, give));
+  held.forces = multiply_transposed(condensation(K, internal), load);
+  return held;
 }
 
 Dense shell_stiffness(const ShellShape& shape, const std::vector<ShellStrain>& points,

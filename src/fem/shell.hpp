@@ -29,6 +29,10 @@ struct ShellLayer {
   double angle = 0; ///< of its first axis from the section's, about the normal [rad]
   ShellRole role = ShellRole::all;
   double factor = 1; ///< of t³/12, of one that bends; of t, of one that shears
+  /// Of one that bends: heights of the bottom and the top of the shell [m].
+  std::array<double, 2> sides{};
+  /// Strain by 1 K in the layer's axes; nothing: not known.
+  std::optional<std::array<double, 6>> expansion = std::nullopt;
 };
 
 /// Stress resultants over strains of the middle surface, and its mass, by its area.
@@ -53,6 +57,14 @@ ShellLaw shell_law(const std::vector<ShellLayer>& layers);
 ShellLaw part_of_law(const std::vector<ShellLayer>& layers,
                      const std::vector<bool>& counts);
 
+/// Of a layer's strain by 1 K, in the section's axes: xx, yy, xy.
+/// @throws Error if its expansion is not known.
+Dense heat_strain(const ShellLayer& layer);
+
+/// Stress resultants that hold the strains of heat back: six of 1 K, and six of 1 K/m along the normal.
+/// @throws Error if an expansion is not known.
+Dense heat_resultants(const std::vector<ShellLayer>& layers);
+
 /// Where a shell stands and how it is turned.
 struct ShellPlace {
   double offset = 0; ///< of the middle surface above the nodes, along the normal [m]
@@ -70,7 +82,7 @@ ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nod
                                bool with_stiffness = true);
 
 /// At a point of the stiffness: strains and curvatures of the middle surface for unit motions of the
-/// nodes, in the section's axes.
+/// nodes (of membranes displacements alone), in the section's axes.
 struct ShellStrainPoint {
   double area;                 ///< [m²]
   Dense stretch;               ///< 6 × dofs of nodes
@@ -81,6 +93,18 @@ struct ShellStrainPoint {
 std::vector<ShellStrainPoint> shell_strains(ElementType type,
                                             const std::vector<Vector3>& nodes,
                                             const ShellLaw& law, const ShellPlace& place);
+
+/// A shell, or a membrane, whose nodes are held while it has strains without stress.
+struct HeldShell {
+  Dense forces; ///< of these strains at the nodes' dofs, one column
+  std::vector<Dense>
+      strains; ///< of the internal dofs that give way, at the points: 6 × 1
+};
+
+/// @param resultants  that hold the strains back, at the points of the stiffness: 6 × 1.
+HeldShell hold_shell(ElementType type, const std::vector<Vector3>& nodes,
+                     const ShellLaw& law, const ShellPlace& place,
+                     const std::vector<Dense>& resultants);
 
 /// The law of a layer under plane stress, in the section's axes: xx, yy, xy [N/m²].
 Dense plane_stress(const ShellLayer& layer);
@@ -103,11 +127,14 @@ Dense shell_coriolis(ElementType type, const std::vector<Vector3>& nodes,
 
 /// What displacements u, six numbers a node, add to the stiffness: by forces in the plane, and by the
 /// slopes of the moved surface, after von Kármán. Moments and shear forces add nothing.
-/// @throws Error if its middle surface is not at the nodes.
-StressStiffness
-shell_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes,
-                       const std::vector<ShellLayer>& layers, const ShellPlace& place,
-                       const std::vector<double>& u, Deformation& deformation);
+/// @param free  its strain without stress, of temperatures alone; null: none.
+/// @throws Error if its middle surface is not at the nodes, or the expansion of a layer is not known.
+StressStiffness shell_stress_stiffness(ElementType type,
+                                       const std::vector<Vector3>& nodes,
+                                       const std::vector<ShellLayer>& layers,
+                                       const ShellPlace& place,
+                                       const std::vector<double>& u,
+                                       const FreeStrain* free, Deformation& deformation);
 
 /// What forces in the plane add, alone.
 Dense shell_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,

@@ -64,6 +64,10 @@ Dense with_offset(ElementType type, const std::vector<Vector3>& nodes,
                   const ShellPlace& place,
                   const std::function<Dense(const ShellShape&)>& matrix);
 
+/// As hold_shell. @param K  over all dofs, internal ones last, as those of `stretch`.
+HeldShell hold(const Dense& K, int internal, const std::vector<Dense>& stretch,
+               const std::vector<double>& area, const std::vector<Dense>& resultants);
+
 /// K over all dofs, internal ones too.
 Dense shell_stiffness(const ShellShape& shape, const std::vector<ShellStrain>& points,
                       const ShellLaw& law);

@@ -21,6 +21,44 @@ Dense plane_stress(const ShellLayer& layer) {
   return multiply_transposed(T, multiply(Q, T));
 }
 
+Dense heat_strain(const ShellLayer& layer) {
+  if (!layer.expansion)
+    throw Error("its material, which a temperature warms, has no expansion");
+  const auto& e = *layer.expansion;
+  const double k = std::cos(layer.angle), s = std::sin(layer.angle);
+  Dense strain(3, 1); // its shear is twice that of the tensor
+  strain.data = {k * k * e[0] + s * s * e[1] - k * s * e[3],
+                 s * s * e[0] + k * k * e[1] + k * s * e[3],
+                 2 * k * s * (e[0] - e[1]) + (k * k - s * s) * e[3]};
+  return strain;
+}
+
+Dense heat_resultants(const std::vector<ShellLayer>& layers) {
+  Dense held(6, 2);
+  double whole = 0;
+  for (const ShellLayer& layer : layers) whole += layer.thickness;
+  double bottom = -0.5 * whole;
+  for (const ShellLayer& layer : layers) {
+    if (layer.role == ShellRole::shear) continue;
+    const Dense stress = multiply(plane_stress(layer), heat_strain(layer));
+    const double t = layer.thickness, cube = t * t * t / 12;
+    const bool is_whole = layer.role == ShellRole::all;
+    const double z = is_whole ? bottom + 0.5 * t : 0,
+                 zeroth = layer.role == ShellRole::bending ? 0 : t,
+                 second = layer.role == ShellRole::stretching
+                              ? 0
+                              : t * z * z + layer.factor * cube;
+    for (int i = 0; i < 3; ++i) {
+      held(i, 0) += zeroth * stress(i, 0);
+      held(3 + i, 0) += zeroth * z * stress(i, 0);
+      held(i, 1) += zeroth * z * stress(i, 0);
+      held(3 + i, 1) += second * stress(i, 0);
+    }
+    bottom += t;
+  }
+  return held;
+}
+
 namespace {
 
 /// Compliance against transverse shear in the section's axes: xz, yz.

@@ -21,7 +21,7 @@ constexpr Kind kinds[] = {
     {"T", "temperature", nullptr},      {"r", nullptr, "reaction"},
     {"rm", nullptr, "reaction moment"}, {"e", nullptr, "strain"},
     {"e0", nullptr, "strain"},          {"e45", nullptr, "strain"},
-    {"e90", nullptr, "strain"},
+    {"e90", nullptr, "strain"},         {"Tn", "temperature gradient", nullptr},
 };
 
 const Kind* find_kind(const std::string& letters) {
@@ -98,7 +98,7 @@ std::string kind_of_port(const std::string& name) {
   if (letters.empty()) return "";
   const std::size_t directions = last.size() - letters.size();
   const bool plain = letters == "p" || letters == "load" || letters == "T" ||
-                     letters.front() == 'e'; // strains by their angle
+                     letters == "Tn" || letters.front() == 'e'; // strains by their angle
   const bool fits = plain               ? directions == 0
                     : letters == "u"    ? directions <= 1
                     : letters == "spin" ? directions == 0 || directions == 2

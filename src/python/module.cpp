@@ -294,14 +294,18 @@ py::tuple shape_functions(const std::string& element, const py::array_t<double>&
 
 /// A section of a shell, as Python knows it.
 struct PythonShell {
-  PythonShell(const std::vector<std::array<double, 36>>& stiffness,
-              const std::vector<double>& thickness, const std::vector<double>& angle,
-              const ShellPlace& where)
-      : place(where) {
-    for (std::size_t k = 0; k < stiffness.size(); ++k)
-      layers.push_back({stiffness[k], 0, thickness.at(k), angle.at(k)});
-    law = shell_law(layers);
+  void add(const std::array<double, 36>& stiffness, double thickness, double angle,
+           const std::string& role, double factor,
+           const std::optional<std::array<double, 6>>& expansion) {
+    const std::map<std::string, ShellRole> roles = {{"all", ShellRole::all},
+                                                    {"stretching", ShellRole::stretching},
+                                                    {"bending", ShellRole::bending},
+                                                    {"shear", ShellRole::shear}};
+    layers.push_back(
+        {stiffness, 0, thickness, angle, roles.at(role), factor, {}, expansion});
   }
+  /// When all layers are there.
+  void finish() { law = shell_law(layers); }
 
   std::vector<ShellLayer> layers;
   ShellLaw law;
@@ -315,7 +319,21 @@ py::array_t<double> array_of(const Dense& a) {
   return result;
 }
 
-/// Of elements (E, n, 3), with material axes (E, 3) of their own or (0, 3): areas (E, q), strains and curvatures (E, q, 6, 6n), axes (E, q, 2, 3).
+/// An element of (E, n, 3), whose material axes are of its own, (E, 3), or those of the section, (0, 3).
+std::pair<std::vector<Vector3>, ShellPlace> place_of(const PythonShell& shell,
+                                                     const py::array_t<double>& points,
+                                                     const py::array_t<double>& axis_1,
+                                                     py::ssize_t e) {
+  std::vector<Vector3> nodes;
+  for (py::ssize_t a = 0; a < points.shape(1); ++a)
+    nodes.push_back({points.at(e, a, 0), points.at(e, a, 1), points.at(e, a, 2)});
+  ShellPlace place = shell.place;
+  if (axis_1.shape(0) > 0)
+    place.axis_1 = {axis_1.at(e, 0), axis_1.at(e, 1), axis_1.at(e, 2)};
+  return {std::move(nodes), place};
+}
+
+/// Of elements: areas (E, q), strains and curvatures (E, q, 6, dofs n), axes (E, q, 2, 3).
 py::tuple shell_strain_arrays(const PythonShell& shell, const std::string& element,
                               const py::array_t<double>& points,
                               const py::array_t<double>& axis_1) {
@@ -323,15 +341,11 @@ py::tuple shell_strain_arrays(const PythonShell& shell, const std::string& eleme
   const auto count = points.shape(0), n = points.shape(1);
   const auto q = static_cast<py::ssize_t>(stiffness_points(type).size());
   py::array_t<double> area({count, q});
-  py::array_t<double> stretch(std::vector<py::ssize_t>{count, q, 6, 6 * n});
+  py::array_t<double> stretch(
+      std::vector<py::ssize_t>{count, q, 6, dofs_per_node(type) * n});
   py::array_t<double> axes(std::vector<py::ssize_t>{count, q, 2, 3});
   for (py::ssize_t e = 0; e < count; ++e) {
-    std::vector<Vector3> nodes;
-    for (py::ssize_t a = 0; a < n; ++a)
-      nodes.push_back({points.at(e, a, 0), points.at(e, a, 1), points.at(e, a, 2)});
-    ShellPlace place = shell.place;
-    if (axis_1.shape(0) > 0)
-      place.axis_1 = {axis_1.at(e, 0), axis_1.at(e, 1), axis_1.at(e, 2)};
+    const auto [nodes, place] = place_of(shell, points, axis_1, e);
     const auto strains = shell_strains(type, nodes, shell.law, place);
     for (py::ssize_t p = 0; p < q; ++p) {
       const ShellStrainPoint& at = strains[static_cast<std::size_t>(p)];
@@ -344,6 +358,33 @@ py::tuple shell_strain_arrays(const PythonShell& shell, const std::string& eleme
     }
   }
   return py::make_tuple(area, stretch, axes);
+}
+
+/// Of elements that are held while stress resultants (E, q, 6) hold strains without stress back: forces
+/// (E, dofs n) of these strains, and what internal dofs that give way strain (E, q, 6).
+py::tuple hold_shells(const PythonShell& shell, const std::string& element,
+                      const py::array_t<double>& points,
+                      const py::array_t<double>& axis_1,
+                      const py::array_t<double>& resultants) {
+  const ElementType type = element_type(element);
+  const auto count = points.shape(0), n = dofs_per_node(type) * points.shape(1),
+             q = resultants.shape(1);
+  py::array_t<double> forces({count, n});
+  py::array_t<double> strains(std::vector<py::ssize_t>{count, q, 6});
+  for (py::ssize_t e = 0; e < count; ++e) {
+    const auto [nodes, place] = place_of(shell, points, axis_1, e);
+    std::vector<Dense> held;
+    for (py::ssize_t p = 0; p < q; ++p) {
+      Dense& at = held.emplace_back(6, 1);
+      for (int i = 0; i < 6; ++i) at(i, 0) = resultants.at(e, p, i);
+    }
+    const HeldShell of = hold_shell(type, nodes, shell.law, place, held);
+    for (int i = 0; i < of.forces.rows; ++i) forces.mutable_at(e, i) = of.forces(i, 0);
+    for (py::ssize_t p = 0; p < q; ++p)
+      for (int i = 0; i < 6; ++i)
+        strains.mutable_at(e, p, i) = of.strains[static_cast<std::size_t>(p)](i, 0);
+  }
+  return py::make_tuple(forces, strains);
 }
 
 } // namespace
@@ -371,12 +412,11 @@ PYBIND11_MODULE(_flexgram, module) {
     return anisotropic(stiffness, axes, 1).stiffness;
   });
   py::class_<PythonShell>(module, "Shell")
-      .def(py::init([](const std::vector<std::array<double, 36>>& stiffness,
-                       const std::vector<double>& thickness,
-                       const std::vector<double>& angle, double offset,
-                       const Vector3& axis_1, bool is_isotropic) {
-        return PythonShell(stiffness, thickness, angle, {offset, axis_1, is_isotropic});
+      .def(py::init([](double offset, const Vector3& axis_1, bool is_isotropic) {
+        return PythonShell{{}, {}, {offset, axis_1, is_isotropic}};
       }))
+      .def("add", &PythonShell::add)
+      .def("finish", &PythonShell::finish)
       .def("law",
            [](const PythonShell& shell) {
              return py::make_tuple(array_of(shell.law.ABD), array_of(shell.law.shear));
@@ -385,7 +425,16 @@ PYBIND11_MODULE(_flexgram, module) {
            [](const PythonShell& shell, std::size_t layer) {
              return array_of(plane_stress(shell.layers.at(layer)));
            })
-      .def("strains", &shell_strain_arrays);
+      .def("heat_strain",
+           [](const PythonShell& shell, std::size_t layer) {
+             return array_of(heat_strain(shell.layers.at(layer)));
+           })
+      .def("heat_resultants",
+           [](const PythonShell& shell) {
+             return array_of(heat_resultants(shell.layers));
+           })
+      .def("strains", &shell_strain_arrays)
+      .def("hold", &hold_shells);
   py::class_<PythonBody>(module, "Body")
       .def(py::init<std::intptr_t, const std::string&>())
       .def("set_law", &PythonBody::set_law)

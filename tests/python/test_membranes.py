@@ -11,7 +11,6 @@ import pytest
 from scipy.sparse.linalg import eigsh
 
 from conftest import assembled
-from flexgram.basics import BodyError
 from flexgram.body.description import import_description
 from flexgram.importers import parse
 from flexgram.importers.nastran_bulk import assemble_bulk
@@ -172,6 +171,3 @@ def test_what_is_refused(tmp_path: Path) -> None:
     import_description(content, "b", tmp_path / "b.h5", mesh=mesh)
     with pytest.raises(AssertionError, match="a membrane has no offset"):
         assembled(tmp_path / "a.h5", tmp_path / "b.h5")
-    content = described([1], outputs={"s": {"type": "stress", "nodes": [5]}})
-    with pytest.raises(BodyError):
-        import_description(content, "b", tmp_path / "b.h5", mesh=mesh)

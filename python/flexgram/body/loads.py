@@ -22,12 +22,15 @@ from flexgram.body.meshfile import ALONE, LINES, SOLIDS, TURNING
 from flexgram.body.reader import Reader
 from flexgram.body.second_order import MIDDLE, Gained
 from flexgram.body.sections import ROD
+from flexgram.body.shell_stress import forces_of_heat, sheets_of
 from flexgram.body.spin import unit_axis
-from flexgram.body.stress import Stresses, expansion_of
+from flexgram.body.strain import Heat, expansion_of
+from flexgram.body.stress import Stresses
 from flexgram.body.whole import Block, Parts
 
 FIELDS = ("acceleration", "angular_acceleration", "spin")
-TYPES = (*FIELDS, "pressure", "traction", "force", "nodal", "temperature", "pretension")
+HEAT = ("temperature", "temperature_gradient")
+TYPES = (*FIELDS, "pressure", "traction", "force", "nodal", *HEAT, "pretension")
 AXES = "xyz"
 
 
@@ -51,7 +54,7 @@ class BodyMesh:
     merged : int array or None
         The node that each became.
     middles : sequence of Gained
-        Nodes in the middle of others, which nobody chooses.
+        New nodes in the middle of others.
     """
 
     file: h5py.File
@@ -179,32 +182,49 @@ def _shortened_lines(
 
 def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     """A field of temperature as the load of its strain; the field itself for stresses."""
-    temperature = np.zeros(len(mesh.points))
-    if ("nodes" in entry.data) == ("table" in entry.data):
+    is_gradient = entry.get("type") == "temperature_gradient"
+    temperature, gradient = heat = Heat(*np.zeros((2, len(mesh.points))))
+    if is_gradient:
+        gradient[mesh.select(entry.get("nodes"), entry.where)] = 1.0
+    elif ("nodes" in entry.data) == ("table" in entry.data):
         raise BodyError(
             f"{entry.where}: temperature needs nodes, or a table of node and temperature"
         )
-    if "table" in entry.data:
-        nodes, values = _table(mesh, entry, 1, mean=True)
+    elif "table" in entry.data:
+        nodes, values = _table(mesh, entry, 1, 2, mean=True)
         temperature[nodes] = values[:, 0]
+        gradient[nodes] = values[:, 1] / mesh.length if values.shape[1] > 1 else 0.0
     else:
         temperature[mesh.select(entry.get("nodes"), entry.where)] = 1.0
     for middles in mesh.middles:
-        temperature[middles.nodes] = temperature[middles.around] @ MIDDLE
-    for kind, elements in mesh.blocks:
-        if kind not in (*SOLIDS, *LINES, ROD, ALONE) and temperature[elements].any():
-            raise BodyError(f"{entry.where}: shells take no temperature")
+        around = middles.around if mesh.merged is None else mesh.merged[middles.around]
+        for field in heat:
+            field[middles.nodes] = field[around] @ MIDDLE
     with errors_of(entry.where):
-        forces = _heat_of_lines(mesh.file, temperature)
+        sheets = sheets_of(mesh.file)
+        slanted = np.flatnonzero(gradient)
+        flat = np.setdiff1d(
+            slanted, np.concatenate([slanted[:0], *(s.nodes for s in sheets)], None)
+        )
+        if len(flat):
+            raise BodyError(
+                f"a gradient of temperature is one of shells, and node {flat[0] + 1} is of none"
+            )
+        forces = forces_of_heat(mesh.length * mesh.points, sheets, heat)
+        forces[:, :3] += _heat_of_lines(mesh.file, temperature)
         if any(kind in SOLIDS for kind, _ in mesh.blocks):
-            forces = forces + Stresses.of(mesh.file).heated(temperature)[0]
+            forces[:, :3] += Stresses.of(mesh.file).heated(temperature)[0]
+    if not forces[:, 3:].any():
+        forces = forces[:, :3]
     used = np.flatnonzero(np.any(forces != 0, axis=1))
     if not len(used):
         raise BodyError(f"{entry.where}: it warms nothing that deforms")
-    write_vectors(group, ["T"], used, forces[used][:, None, :])
-    warm = np.flatnonzero(temperature)
+    write_vectors(group, ["Tn" if is_gradient else "T"], used, forces[used][:, None, :])
+    warm = np.flatnonzero((temperature != 0) | (gradient != 0))
     group["temperature/nodes"], group["temperature/values"] = warm, temperature[warm]
-    return f"temperature of {len(warm)} nodes"
+    if gradient.any():
+        group["temperature/gradients"] = gradient[warm]
+    return f"temperature{' gradient' * is_gradient} of {len(warm)} nodes"
 
 
 def _write_pretension(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
@@ -317,7 +337,7 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
             total = ", ".join(f"{x:.4g}" for x in table[:, :3].sum(axis=0))
             said[str(name)] = f"forces at {len(nodes)} nodes, ({total}) N in all"
             continue
-        if kind == "temperature":
+        if kind in HEAT:
             said[str(name)] = _write_temperature(mesh, group, entry)
             continue
         if kind == "pretension":

@@ -131,7 +131,7 @@ class MeshBody:
         discrete += write_springs(file, reader, self.select, self.units)
         written = BodyMesh(
             *(file, self.points, placed, self.length, self.units[2], self.select_areas),
-            *(self.folder, self.merged, self.middles),
+            *(self.folder, self.merged, [*self.middles, *self.gained]),
         )
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
         doubts = doubts_of_shells(file, self.points, self._elements())

@@ -19,6 +19,7 @@ from flexgram.body.loads import AXES, BodyMesh, write_vectors
 from flexgram.body.meshfile import SOLIDS, TURNING
 from flexgram.body.reader import Reader, short
 from flexgram.body.shell_stress import SIDES, Sheet, element_rows, nodal_rows, only, sheets_of
+from flexgram.body.strain import Heat
 from flexgram.body.stress import COMPONENTS, Stresses, temperatures
 
 OUTPUTS = ("displacement", "stress", "gauge", "reaction")
@@ -95,6 +96,8 @@ class _Stresses:
                 raise BodyError(f"{entry.where}: side is one of a shell; the body has none")
             return entry.choice("side", SIDES)
         if self.of_shells and not self.has_solids:
+            if all(sheet.is_membrane for sheet in self.of_shells):
+                return "middle"
             raise BodyError(
                 f"{entry.where}: name the side of the shell: top (where its normal points), "
                 "middle or bottom"
@@ -107,12 +110,14 @@ class _Stresses:
         return bool(kinds & set(SOLIDS))
 
     @cached_property
-    def fields(self) -> dict[str, Floats]:
+    def fields(self) -> dict[str, Heat]:
         return temperatures(self.file)
 
     @cached_property
     def heated(self) -> dict[str, Floats]:
-        return {port: self.of_body.heated(field)[1] for port, field in self.fields.items()}
+        return {
+            port: self.of_body.heated(field.temperature)[1] for port, field in self.fields.items()
+        }
 
 
 def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stresses) -> str:
@@ -130,7 +135,9 @@ def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stre
                 sheets = known.of_shells
                 if both:
                     sheets = only(sheets, _whole(entry, "elements", entry.get("elements")))
-                used, rows = nodal_rows(known.points, sheets, chosen, side)
+                used, rows, held = nodal_rows(
+                    known.points, sheets, chosen, side, heats=known.fields
+                )
             else:
                 used, rows = known.of_body.rows(chosen)
                 held = {name: field[chosen].mean(axis=0) for name, field in known.heated.items()}
@@ -142,14 +149,21 @@ def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stre
             point = int(_whole(entry, "integration_point", [entry.get("integration_point")])[0])
         with errors_of(entry.where):
             if side:
-                used, rows = element_rows(known.points, known.of_shells, ids, side, point)
+                used, rows, held = element_rows(
+                    known.points, known.of_shells, ids, side, point, known.fields
+                )
             else:
                 used, rows, held = known.of_body.element_rows(ids, point, known.fields)
         where = "at all integration points" if point is None else f"at integration point {point}"
         said = f"mean stress {where} of {len(ids)} element{'s' * (len(ids) != 1)}"
     columns = ["s" + pair for pair in COMPONENTS]
     if side:
-        columns, rows, vanish = _without_zeros(columns, rows)
+        names = columns
+        columns, rows, vanish = _without_zeros(names, rows)
+        kept = [names.index(name) for name in columns]
+        held = {port: stress[kept] for port, stress in held.items()}
+        if not rows[..., 3:].any():  # of membranes
+            rows = rows[..., :3]
         said += f" ({', '.join(vanish)} vanish)" if vanish else ""
     said += f", {side} side" if side in ("top", "bottom") else f", {side}" if side else ""
     write_vectors(group, columns, used, rows)
@@ -199,7 +213,9 @@ def _write_gauge(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stres
     side = known.side(entry)
     with errors_of(entry.where):
         if side:
-            used, rows = nodal_rows(known.points, known.of_shells, chosen, side, strain=True)
+            used, rows, _ = nodal_rows(known.points, known.of_shells, chosen, side, strain=True)
+            if not rows[..., 3:].any():  # of membranes
+                rows = rows[..., :3]
         else:
             used, rows = known.of_body.rows(chosen, strain=True)
     x, y, z = np.array(directions).T

@@ -32,10 +32,10 @@ def is_shell(reader: Reader) -> bool:
 
 def shell_properties(reader: Reader, length: float, materials: Collection[str]) -> dict[str, Any]:
     """Thickness and offset [m] of a shell's section, its layers if it has such (bottom to top,
-    angles [rad]), its bending and shear if they are told apart, and the direction of the first axis
-    if that is given. ``materials``: those known.
+    angles [rad]), its bending and shear if they are told apart, with the heights of its sides, and
+    the direction of the first axis if that is given. ``materials``: those known.
     """
-    known = ("shape", "thickness", "layers", "offset", "axis_1", *APART)
+    known = ("shape", "thickness", "layers", "offset", "axis_1", *APART, "sides")
     section = Reader(reader.data, reader.where, known)
     if ("thickness" in section.data) == ("layers" in section.data):
         raise BodyError(f"{section.where}: a shell needs a thickness, or layers")
@@ -54,8 +54,10 @@ def shell_properties(reader: Reader, length: float, materials: Collection[str]) 
         found["thickness"] = sum(found["layer_thicknesses"])
     else:
         found["thickness"] = _thickness(section) * length
-    if set(APART) & set(section.data):
+    if {*APART, "sides"} & set(section.data):
         found |= _apart(section, materials)
+    if "sides" in section.data:
+        found["sides"] = [height * length for height in _sides(section)]
     if "axis_1" in section.data:
         found["axis_1"] = section.vector("axis_1")
         if not any(found["axis_1"]):
@@ -77,6 +79,17 @@ def _apart(section: Reader, materials: Collection[str]) -> dict[str, Any]:
         if "material" in entry.data:
             found[f"{key}_material"] = entry.choice("material", materials)
     return found
+
+
+def _sides(section: Reader) -> tuple[float, float]:
+    """Heights of the bottom and the top above the middle surface."""
+    try:
+        bottom, top = (float(height) for height in section.data["sides"])
+    except (TypeError, ValueError):
+        bottom = top = math.nan
+    if not -math.inf < bottom <= top < math.inf:
+        raise BodyError(f"{section.where}: sides must be [bottom, top], heights above the middle")
+    return bottom, top
 
 
 def _thickness(reader: Reader) -> float:

@@ -3,6 +3,7 @@ around which are of one section and meet smoothly; where others meet, a node has
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexgram.basics import Floats, Ints
 from flexgram.body.shell_stress import FOLD, Sheet, normals_of, sheets_of
-from flexgram.body.strain import extrapolation
+from flexgram.body.strain import Heat, extrapolation
 
 #: Elements whose operators are in memory at a time.
 CHUNK = 1024
@@ -98,21 +99,47 @@ class ShellField:
         (k, P, 6) array
             [N/m²]
         """
+        stress = np.zeros((len(self.nodes), 6, len(motion)))
+        for part, place, outward in self._chunks():
+            rows, _ = part.rows(self.points, side, False)
+            at_corners = np.einsum("nq,eqib->enib", outward, rows)
+            moved = motion[:, part.nodes, : part.dofs].transpose(1, 2, 3, 0)
+            moved = moved.reshape(len(part.nodes), -1, len(motion))
+            here = np.einsum("enib,ebk->enik", at_corners, moved, optimize=True)
+            np.add.at(stress, place, here)
+        return self._mean(stress).transpose(2, 0, 1)
+
+    def heated(self, heat: Heat, side: str) -> Floats:
+        """Stress (P, 6) on a side that a field of temperature adds at once [N/m²].
+
+        Raises
+        ------
+        BodyError
+            If the expansion of a material is not known.
+        """
+        stress = np.zeros((len(self.nodes), 6, 1))
+        warm = (heat.temperature != 0) | (heat.gradient != 0)
+        for part, place, outward in self._chunks():
+            if warm[part.nodes].any():
+                held = part.held_stress(self.points, heat, side)
+                np.add.at(stress[..., 0], place, np.einsum("nq,eqi->eni", outward, held))
+        return self._mean(stress)[..., 0]
+
+    def _chunks(self) -> Iterator[tuple[Sheet, Ints, Floats]]:
+        """Elements, not too many at once, with their places and the extrapolation to corners."""
         import _flexgram
 
-        stress = np.zeros((len(self.nodes), 6, len(motion)))
-        count = np.zeros(len(self.nodes))
         for sheet, place in zip(self.sheets, self.place, strict=True):
             xi = _flexgram.shape_functions(sheet.kind, np.empty((0, 3)))[0]
             outward = extrapolation(sheet.kind, xi)
-            np.add.at(count, place, 1.0)
             for first in range(0, len(place), CHUNK):
-                part = sheet.only(slice(first, first + CHUNK))
-                some = part.nodes
-                rows, _ = part.rows(self.points, side, False)
-                at_corners = np.einsum("nq,eqib->enib", outward, rows)
-                moved = motion[:, some].transpose(1, 2, 3, 0).reshape(len(some), -1, len(motion))
-                here = np.einsum("enib,ebk->enik", at_corners, moved, optimize=True)
-                np.add.at(stress, place[first : first + CHUNK], here)
-        mean: Floats = (stress / np.maximum(count, 1)[:, None, None]).transpose(2, 0, 1)
+                some = slice(first, first + CHUNK)
+                yield sheet.only(some), place[some], outward
+
+    def _mean(self, sums: Floats) -> Floats:
+        """Of the elements around each place."""
+        count = np.zeros(len(self.nodes))
+        for place in self.place:
+            np.add.at(count, place, 1.0)
+        mean: Floats = sums / np.maximum(count, 1)[:, None, None]
         return mean

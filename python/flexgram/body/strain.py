@@ -3,7 +3,7 @@ elements have some."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -31,6 +31,13 @@ CORNERS = {
 }
 
 
+class Heat(NamedTuple):
+    """A field of temperature."""
+
+    temperature: Floats  #: (N,) above that of the body without stress [K]
+    gradient: Floats  #: (N,) along the normals of shells [K/m]
+
+
 def stiffness_of(material: Any, *, own_axes: bool = False) -> Floats:
     """The law of a material of a body file, (36,) [Pa], in global axes or in its own: of stress xx,
     yy, zz, xy, yz, zx over strains with engineering shears.
@@ -52,6 +59,23 @@ def stiffness_of(material: Any, *, own_axes: bool = False) -> Floats:
         law = _flexgram.orthotropic(material["engineering_constants"], axes)
     found: Floats = np.array(law)
     return found
+
+
+def expansion_of(material: Any, axes: Floats) -> Floats | None:
+    """Strain of one kelvin (..., 6), of a material of a body file with axes (..., 3, 3); None where
+    it is not known.
+
+    Examples
+    --------
+    >>> expansion_of({"expansion": [1e-6, 3e-5, 3e-5]}, np.eye(3)[[1, 0, 2]])
+    array([3.e-05, 1.e-06, 3.e-05, 0.e+00, 0.e+00, 0.e+00])
+    """
+    if "expansion" not in material:
+        return None
+    along = np.broadcast_to(material["expansion"], 3)
+    e = np.einsum("...ka,k,...kb->...ab", axes, along, axes)
+    strain: Floats = e[..., [0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]] * [1, 1, 1, 2, 2, 2]
+    return strain
 
 
 def turned(law: Floats, axes: Floats) -> Floats:

@@ -24,7 +24,9 @@ from numpy.typing import ArrayLike
 from flexgram.basics import BodyError, Bools, Floats, Ints, errors_of
 from flexgram.body.meshfile import SOLIDS
 from flexgram.body.strain import (
+    Heat,
     deforming,
+    expansion_of,
     extrapolation,
     heat_operator,
     rigid_interfaces,
@@ -78,16 +80,6 @@ class Solid(NamedTuple):
         warm = (temperature[self.nodes] @ N.T)[..., None]
         strain: Floats = warm * (self.expansion[:, None] if self.law.ndim == 3 else self.expansion)
         return strain
-
-
-def expansion_of(material: Any, axes: Floats) -> Floats | None:
-    """Strain of one kelvin (..., 6), of a material of a body file with axes (..., 3, 3)."""
-    if "expansion" not in material:
-        return None
-    along = np.broadcast_to(material["expansion"], 3)
-    e = np.einsum("...ka,k,...kb->...ab", axes, along, axes)
-    strain: Floats = e[..., [0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]] * [1, 1, 1, 2, 2, 2]
-    return strain
 
 
 @dataclass
@@ -271,7 +263,7 @@ class Stresses:
         """Those of the inputs that are temperatures, with the stress that ``heated`` gives."""
         with errors_of(body), h5py.File(body) as file:
             fields = temperatures(file)
-        return {name: self.heated(fields[name])[1] for name in inputs if name in fields}
+        return {name: self.heated(fields[name].temperature)[1] for name in inputs if name in fields}
 
     def rows(self, nodes: Ints, *, strain: bool = False) -> tuple[Ints, Floats]:
         """The mean stress of some nodes as a function of displacements, or their mean strain with
@@ -313,7 +305,7 @@ class Stresses:
         return used, values[used]
 
     def element_rows(
-        self, ids: Ints, point: int | None = None, fields: Mapping[str, Floats] | None = None
+        self, ids: Ints, point: int | None = None, fields: Mapping[str, Heat] | None = None
     ) -> tuple[Ints, Floats, dict[str, Floats]]:
         """The stress at an integration point of each of some elements, their mean by volume, as a
         function of displacements.
@@ -325,7 +317,7 @@ class Stresses:
         point : int, optional
             Of the stiffness, from 1; default: all of them.
         fields : mapping, optional
-            Fields of temperature (N,) [K] by their inputs.
+            Fields of temperature by their inputs.
 
         Returns
         -------
@@ -362,21 +354,25 @@ class Stresses:
             np.add.at(values, some, part.transpose(0, 2, 1, 3))
             volume += float(size.sum())
             for name, field in (fields or {}).items():
-                strain = here.free_strain(field)
+                strain = here.free_strain(field.temperature)
                 warm = heat_operator(kind, self.points[some], law, strain)[1][:, chosen]
                 held[name] += np.einsum("eq,eqi->i", size, warm)
         used = np.flatnonzero(np.any(values != 0, axis=(1, 2)))
         return used, values[used] / volume, {name: s / volume for name, s in held.items()}
 
 
-def temperatures(file: h5py.File) -> dict[str, Floats]:
-    """Fields of temperature of a body file by their inputs, (N,) [K]."""
+def temperatures(file: h5py.File) -> dict[str, Heat]:
+    """Fields of temperature of a body file by their inputs."""
     found = {}
     for name, group in file.get("loads", {}).items():
-        if "temperature" in group:
-            field = np.zeros(len(file["mesh/points"]))
-            field[group["temperature/nodes"][:]] = group["temperature/values"][:]
-            found[f"{name}.T"] = field
+        if "temperature" not in group:
+            continue
+        heat = Heat(*np.zeros((2, len(file["mesh/points"]))))
+        nodes = group["temperature/nodes"][:]
+        for field, key in zip(heat, ("values", "gradients"), strict=True):
+            if key in group["temperature"]:
+                field[nodes] = group["temperature"][key][:]
+        found[f"{name}.{group.attrs['columns'][0]}"] = heat
     return found
 
 

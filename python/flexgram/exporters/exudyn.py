@@ -19,7 +19,7 @@ from flexgram.basics import BodyError, Floats, Ints, written_aside
 from flexgram.exporters.exudyn_stiffening import GeometricStiffening, frame_stiffening
 from flexgram.model.elastic_part import in_its_frame
 from flexgram.model.geometry import Geometry, body_of, interface_motion, interface_positions
-from flexgram.model.recovery import stress_at_nodes
+from flexgram.model.recovery import sides_of, stress_at_nodes
 from flexgram.model.reduced import ReducedBody
 
 STRESS_LOCAL = "OutputVariableType.StressLocal"
@@ -80,7 +80,7 @@ def ffrf_terms(
         A surface with more nodes is not drawn.
     stress : bool
         Whether the stress of the surface comes along, for pictures and sensors of ``StressLocal``;
-        for bodies that flexgram assembled.
+        for bodies that flexgram assembled. Of shells it is that of their top.
     nodes : sequence of int
         Nodes of the mesh, from 1, that come along beside the corners of its surface: inner and
         middle ones, of hot spots say.
@@ -132,7 +132,12 @@ def ffrf_terms(
     stresses = np.zeros((len(points), 6 * n if stress else 0))
     if stress:
         rigid = model.frame.rigid_modes
-        of_modes = stress_at_nodes(model, body=body)[rigid:, surface][..., STRESSES]
+        sides = sides_of(model, body)
+        of_modes = stress_at_nodes(model, body=body, side=sides[0])
+        if len(sides) == 3:  # solids, and the top of shells
+            top = stress_at_nodes(model, body=body, side="top")
+            of_modes = np.where(np.isnan(of_modes), top, of_modes)
+        of_modes = of_modes[rigid:, surface][..., STRESSES]
         stresses[: len(surface)] = np.nan_to_num(of_modes).transpose(1, 0, 2).reshape(-1, 6 * n)
     Ct = f.M_er[:, :3]
     inertia_first = f.inertia_first

@@ -16,7 +16,7 @@ import numpy as np
 from flexgram.basics import BodyError, written_aside
 from flexgram.body.stress import von_mises
 from flexgram.model.geometry import Geometry, body_of
-from flexgram.model.recovery import stress_at_nodes
+from flexgram.model.recovery import sides_of, stress_at_nodes
 from flexgram.model.reduced import ReducedBody
 
 
@@ -63,7 +63,8 @@ def write_shapes(
     model: ReducedBody, path: Path, body: str | Path | None = None, stress: bool = False
 ) -> None:
     """Every basis vector as a vector field ``phi_001``, … on the body's mesh, with its ``stress``
-    ``sigma_001``, … (xx, yy, zz, xy, yz, zx) if asked.
+    ``sigma_001``, … (xx, yy, zz, xy, yz, zx) if asked, of shells ``sigma_top_001``, … and
+    ``sigma_bottom_001``, ….
 
     The format is by the suffix, any that meshio writes.
 
@@ -74,8 +75,10 @@ def write_shapes(
     geometry = _geometry(model, body)
     fields = {f"phi_{j + 1:03d}": field for j, field in enumerate(geometry.motion(model))}
     if stress:
-        stresses = enumerate(stress_at_nodes(model, body=body), 1)
-        fields |= {f"sigma_{j:03d}": field for j, field in stresses}
+        for side in sides_of(model, body):
+            stresses = enumerate(stress_at_nodes(model, body=body, side=side), 1)
+            sigma = f"sigma_{side}" if side else "sigma"
+            fields |= {f"{sigma}_{j:03d}": field for j, field in stresses}
     mesh = meshio.Mesh(geometry.points, geometry.blocks, point_data=fields)
     try:
         _expect_such_data(Path(path))
@@ -110,7 +113,8 @@ def write_motion(
     body : str or Path, optional
         Body file with the mesh; default: the one that was reduced.
     stress : bool
-        Write ``stress`` (xx, yy, zz, xy, yz, zx) and ``von_mises`` [N/m²] too.
+        Write ``stress`` (xx, yy, zz, xy, yz, zx), of shells ``stress_top`` and ``stress_bottom``,
+        and ``von_mises`` [N/m²] too, of shells the larger of both sides.
     u : (n_t, n_in) array, optional
         Inputs; needed for the stress of a body that a temperature strains.
 
@@ -125,6 +129,7 @@ def write_motion(
         raise BodyError(f"{path}: a motion is written as XDMF: name it {Path(path).stem}.xdmf")
     where = Path(body_of(model, body)).resolve()  # meshio works in another folder
     geometry = Geometry.load(where)
+    sides = sides_of(model, where) if stress else []
     here = os.getcwd()
     _expect_such_data(Path(path))
     with (
@@ -140,8 +145,11 @@ def write_motion(
                     field = geometry.motion(model, state)[0]
                     data = {"u": field}
                     if stress:
-                        data["stress"] = stress_at_nodes(model, state, where, load)[0]
-                        data["von_mises"] = von_mises(data["stress"])
+                        for side in sides:
+                            field = stress_at_nodes(model, state, where, load, side)[0]
+                            data[f"stress_{side}" if side else "stress"] = field
+                        largest = stress_at_nodes(model, state, where, load, "larger")[0]
+                        data["von_mises"] = von_mises(largest)
                     writer.write_data(float(time), point_data=data)
         finally:
             os.chdir(here)

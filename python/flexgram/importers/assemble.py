@@ -20,7 +20,7 @@ from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
 from flexgram.importers.alone import COMPONENTS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
-from flexgram.importers.deck import SHELL_KINDS, TAKEN_AS, Deck, read_deck
+from flexgram.importers.deck import TAKEN_AS, Deck, read_deck
 from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
 from flexgram.importers.deck_constraints import along, equations_of, ties_of
@@ -309,7 +309,13 @@ def assemble_deck(
         if "table" in entry:
             entry["table"] = _by_index(path, deck, f"load {name}", entry["table"])
     if deck_loads:
-        remarks += _add_loads_of_steps(job, deck, materials, material_of, loads, preload or {})
+        layers = [
+            layer["material"]
+            for section in _used_sections(sections, material_of).values()
+            for layer in section.get("layers", ())
+        ]
+        made_of = [materials[name] for name in (*material_of.values(), *layers) if name]
+        remarks += _add_loads_of_steps(job, deck, made_of, loads, preload or {})
     elif words := in_steps(job):
         remarks.append(
             f"the loads of the deck are left out ({words}): --deck-loads makes inputs of them"
@@ -361,14 +367,13 @@ def _used_sections(
 def _add_loads_of_steps(
     job: Job,
     deck: Deck,
-    materials: Mapping[str, Mapping[str, float]],
-    material_of: Mapping[str, str],
+    materials: Iterable[Mapping[str, float]],
     loads: dict[str, dict[str, Any]],
     preload: Mapping[str, float],
 ) -> list[str]:
-    """Add the loads of the deck's steps to ``loads``; returns what is to be said of them."""
+    """Add the loads of the deck's steps to ``loads``; returns what is to be said of them.
+    ``materials``: those of the elements."""
     of_steps, remarks = loads_of(job, deck)
-    has_shells = any(kind in SHELL_KINDS for kind, _ in deck.elements.values())
     used = {node for _, nodes in deck.elements.values() for node in nodes}
     references = {
         node
@@ -376,7 +381,7 @@ def _add_loads_of_steps(
         for node in (coupling.reference, coupling.rotation)
         if node is not None and node not in used
     }
-    expands = all("expansion" in materials[name] for name in material_of.values())
+    expands = all("expansion" in material for material in materials)
     for load in of_steps:
         if load.name in loads:
             raise BodyError(f"load {load.name} is given twice: it is one of the deck's")
@@ -398,9 +403,6 @@ def _add_loads_of_steps(
                 f"load {load.name} is left out: it acts at reference nodes "
                 f"({', '.join(map(str, sorted(at_references)))}), whose interfaces are inputs"
             )
-            continue
-        if load.kind == "temperature" and has_shells:
-            remarks.append(f"load {load.name} is left out: shells take no temperature")
             continue
         rows = load.table.copy()
         rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1

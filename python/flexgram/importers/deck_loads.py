@@ -9,6 +9,7 @@ stiffness, as ccx does (but for C3D8R). Amplitudes are histories of the input.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -56,9 +57,9 @@ class DeckLoad:
     name : str
     kind : str
         ``nodal`` or ``temperature``.
-    table : (k, 4), (k, 7) or (k, 2) array
+    table : (k, 4), (k, 7), (k, 2) or (k, 3) array
         Node labels with forces, with forces and moments, or with temperatures above those without
-        stress.
+        stress and, of shells, their gradients along the normal.
     spins : bool
         Centrifugal forces (CENTRIF) are among it.
     """
@@ -91,7 +92,7 @@ class _Deck:
         self.turning = deck.turning()
         self.offset: set[int] = set()  # shells whose middle is not at their nodes
         self.surfaces: dict[str, list[tuple[str, str]]] = {}
-        self.start: dict[int, float] = {}
+        self.start: dict[int, tuple[float, float]] = {}
         of_material: dict[str, float] = {}
         material = ""
         for card in job.model:
@@ -108,7 +109,7 @@ class _Deck:
             ):
                 for row in card.words():
                     for label in self.nodes(card, row[0]):
-                        self.start[label] = self.number(card, row, 1)
+                        self.start[label] = self.number(card, row, 1), self.number(card, row, 2)
         for card in job.model:
             if card.keyword in ("SOLID SECTION", "SHELL SECTION"):
                 of_shells = card.keyword == "SHELL SECTION"
@@ -121,8 +122,8 @@ class _Deck:
                         self.offset.add(label)
 
     def initial(self) -> Floats:
-        """Temperatures (N,) of the beginning."""
-        return np.array([self.start.get(label, 0.0) for label in self.deck.labels.tolist()])
+        """Temperatures of the beginning and their gradients across shells, (N, 2)."""
+        return np.array([self.start.get(label, (0.0, 0.0)) for label in self.deck.labels.tolist()])
 
     def wrong(self, card: Card, row: list[str], why: str) -> BodyError:
         if why.startswith(str(self.job.path)):
@@ -323,12 +324,12 @@ def _forces(deck: _Deck, card: Card, left: list[str], spun: set[int]) -> Floats:
 
 
 def _temperature(deck: _Deck, card: Card, now: Floats) -> None:
-    """The temperatures (N,) after a card."""
+    """The temperatures and their gradients across shells (N, 2) after a card."""
     if card.options.get("OP", "").upper() == "NEW":
         now[:] = deck.initial()
     for row in card.words():
         at = np.searchsorted(deck.deck.labels, deck.nodes(card, row[0]))
-        now[at] = deck.number(card, row, 1)
+        now[at] = deck.number(card, row, 1), deck.number(card, row, 2)
 
 
 def in_steps(job: Job) -> str:
@@ -467,7 +468,12 @@ class _Loads:
                 self.remarks.append(f"load {name + again} is left out: {reason}")
         if self.deck is not None and "TEMPERATURE" in count:
             above = self.now - self.deck.initial()
-            self._add(f"step{number}_temperature", "temperature", above[:, None], False)
+            deck = self.deck.deck
+            of_shells = [nodes for kind, nodes in deck.elements.values() if kind in SHELL_KINDS]
+            on_shells = np.isin(deck.labels, list(itertools.chain(*of_shells)))
+            above[~on_shells, 1] = 0
+            columns = 2 if above[:, 1].any() else 1
+            self._add(f"step{number}_temperature", "temperature", above[:, :columns], False)
 
     def _amplitude(self, name: str, card: Card, more: str = "") -> None:
         if "AMPLITUDE" in card.options:

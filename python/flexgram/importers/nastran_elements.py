@@ -193,7 +193,7 @@ class Elements:
             material = self.materials.of(prop.pid, prop.mid1_ref, nsm / t)
             section: dict[str, Any] = {"shape": "shell", "thickness": t, "offset": offset}
             stretches = prop.mid1_ref is not None and prop.mid2 in (None, 0)  # alone
-            section |= {} if stretches else self._apart(prop)
+            section |= {} if stretches else self._apart(prop, t)
             has_fibres = any(
                 card is not None and card.type in ("MAT2", "MAT8")
                 for card in (prop.mid1_ref, prop.mid2_ref, prop.mid3_ref)
@@ -372,8 +372,9 @@ class Elements:
             raise self.deck.refuse("PSHELL", prop.pid, "has no thickness")
         return t
 
-    def _apart(self, prop: Any) -> dict[str, Any]:
-        """Bending and shear of a PSHELL, where these are not those of its thickness and MID1."""
+    def _apart(self, prop: Any, t: float) -> dict[str, Any]:
+        """Bending and shear of a PSHELL, where these are not those of its thickness and MID1, and
+        the heights at which Nastran gives its stress."""
         if not prop.mid1_ref or prop.mid2 in (None, 0, -1):
             raise self.deck.refuse("PSHELL", prop.pid, "MID1 or MID2 is blank: no plate")
         if prop.mid4:
@@ -393,9 +394,13 @@ class Elements:
         plain = prop.mid2 == prop.mid1 and prop.mid3 in (None, 0, prop.mid1)
         if plain and abs(bending - 1) < 1e-6 and abs(shear * 6 / 5 - 1) < 1e-3:
             return {}
-        found: dict[str, dict[str, Any]] = {
+        found: dict[str, Any] = {
             "bending": {"factor": bending},
             "shear": {"factor": shear},
+            "sides": sorted(
+                -sign * t / 2 if z is None else float(z)
+                for z, sign in ((prop.z1, 1), (prop.z2, -1))
+            ),
         }
         materials = (
             ("bending", prop.mid2, prop.mid2_ref),

@@ -26,6 +26,7 @@ KINDS = {
     "traction": "t[xyz]",
     "load": "load",
     "temperature": "T",
+    "temperature gradient": "Tn",
 }
 OUTPUT_KINDS = (
     *("displacement", "rotation", "stress", "strain"),
@@ -55,6 +56,7 @@ UNITS = {
     "p": ("Pa", None),
     "t": ("Pa", None),
     "T": ("K", None),
+    "Tn": ("K/m", None),
     "u": (None, "m"),
     "s": (None, "Pa"),
     "r": (None, "N"),

@@ -109,7 +109,7 @@ class ReducedBody:
         self.modes = np.asarray(fields.get("modes/omega", []), dtype=np.float64)
         self._save = save
         #: Stress of the basis vectors by the file that it is of (``recovery``).
-        self.recovered: tuple[Any, Floats, dict[str, Floats]] | None = None
+        self.recovered: tuple[Any, dict[str, Any]] | None = None
         self.path: Path | None = None
 
     @classmethod

@@ -392,7 +392,7 @@ def stress(
     magnify: float | None = None,
     u: ArrayLike | None = None,
 ) -> Figure:
-    """Von Mises stress on the surface of the deformed mesh.
+    """Von Mises stress on the surface of the deformed mesh, of shells the larger of both sides.
 
     Parameters
     ----------
@@ -419,7 +419,8 @@ def stress(
     size = float(np.ptp(points, axis=0).max())
     if magnify is None:
         magnify = 0.05 * size / max(float(np.abs(field[used]).max()), 1e-300)
-    amount = von_mises(stress_at_nodes(model, q, body, u)[0])[triangles].mean(axis=1)
+    of_nodes = von_mises(stress_at_nodes(model, q, body, u, "larger")[0])
+    amount = of_nodes[triangles].mean(axis=1)
     figure = Figure(figsize=(5.2, 4.4), layout="constrained")
     axes = figure.add_subplot(projection="3d")
     scale = matplotlib.cm.ScalarMappable(

@@ -13,12 +13,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.body.stress import Stresses, von_mises
+from flexgram.body.stress import von_mises
 from flexgram.measured import mode_shapes
 from flexgram.model.damped_modes import NaturalModes
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import Geometry, body_of
-from flexgram.model.recovery import stress_at_nodes, stress_peaks, words_of_stress
+from flexgram.model.recovery import (
+    has_stress,
+    stress_at_nodes,
+    stress_peaks,
+    words_of_stress,
+)
 from flexgram.model.reduced import ReducedBody
 from flexgram.pictures import figures, page, tables
 from flexgram.pictures.charts import responses
@@ -46,14 +51,6 @@ def _when(log: dict[str, Any]) -> str:
     if log.get("given"):
         told += f"; <code>{html.escape(str(log['given']))}</code>"
     return told
-
-
-def _has_stress(model: ReducedBody, body: str | Path | None) -> bool:
-    try:
-        Stresses.load(body_of(model, body))
-    except BodyError:
-        return False
-    return True
 
 
 def _stress(answer: tuple[Any, ...], model: ReducedBody, body: str | Path | None) -> str:
@@ -153,7 +150,7 @@ class _Page:
             ),
             _image(figures.loads(self.model, verdict), "Amplitudes, and the band."),
         ]
-        if _has_stress(self.model, self.body):
+        if has_stress(self.model, self.body):
             try:
                 parts.append(_stress(self.answer(loads), self.model, self.body))
             except BodyError as error:
@@ -204,7 +201,7 @@ class _Page:
             if not np.all(np.isfinite(q)):
                 raise BodyError("the answer grows beyond all numbers: the body is unstable")
             peaks = (
-                stress_peaks(part, q, u, self.body) if _has_stress(self.model, self.body) else None
+                stress_peaks(part, q, u, self.body) if has_stress(self.model, self.body) else None
             )
             self._answer = part, t, u, q, peaks
         return self._answer
@@ -217,7 +214,7 @@ class _Page:
         few = np.unique(np.append(np.linspace(0, len(t) - 1, 40).astype(int), worst))
         stress = None
         if peaks is not None:
-            stress = von_mises(stress_at_nodes(part, q[few], self.body, u[few]))
+            stress = von_mises(stress_at_nodes(part, q[few], self.body, u[few], "larger"))
         scene.set_history(t[few], geometry.motion(part, q[few]), stress, len(t))
 
     def plan_and_modes(self) -> list[str]:

@@ -6,17 +6,14 @@ import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Floats, Ints, errors_of
-from flexgram.body.meshfile import SHELLS, SOLIDS
-from flexgram.body.shell_field import ShellField
+from flexgram.basics import BodyError, Floats
 from flexgram.model.damped_modes import natural_frequencies
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import Geometry, body_of
-from flexgram.model.kinds import unit_of
-from flexgram.model.recovery import stress_at_nodes
+from flexgram.model.kinds import ports_of, unit_of
+from flexgram.model.recovery import stress_fields
 from flexgram.model.reduced import ReducedBody
 
 #: Rows whose squares add up to the square of the von Mises stress of xx, yy, zz, xy, yz, zx.
@@ -58,39 +55,6 @@ class HotSpot:
     share: float
     side: str = ""
     elements: tuple[int, ...] = ()
-
-
-@dataclass
-class _Field:
-    """Stress of each basis vector (m, P, 6) at places of nodes (P,), on a side of shells."""
-
-    stress: Floats
-    nodes: Ints
-    side: str = ""
-    shells: ShellField | None = None
-
-    def elements(self, at: int) -> tuple[int, ...]:
-        if self.shells is None or self.shells.alone[at]:
-            return ()
-        return tuple(self.shells.elements(at).tolist())
-
-
-def _fields(model: ReducedBody, body: str | Path | None) -> list[_Field]:
-    """Of solids, and of both sides of shells."""
-    path = Path(body_of(model, body))
-    with errors_of(path), h5py.File(path) as file:
-        kinds = {str(b.attrs["type"]) for b in file.get("mesh/blocks", {}).values()}
-        shells = ShellField.of(file) if kinds & set(SHELLS) else None
-    found = []
-    if kinds & set(SOLIDS) or shells is None:
-        stress = stress_at_nodes(model, body=body)
-        nodes = np.flatnonzero(np.isfinite(stress).all(axis=(0, 2)))
-        found.append(_Field(stress[:, nodes], nodes))
-    if shells is not None:
-        motion = Geometry.load(path).motion_and_rotation(model)
-        for side in ("top", "bottom"):
-            found.append(_Field(shells.stress(motion, side), shells.nodes, side, shells))
-    return found
 
 
 def hot_spots(
@@ -137,11 +101,16 @@ def hot_spots(
     """
     with contextlib.suppress(BodyError):  # dampers hold it
         model = without_rigid_modes(model)  # rigid motion strains nothing
-    chosen = inputs or [name for name in model.inputs if not name.endswith(".T")]
+    warm = {
+        model.inputs[k]
+        for kind in ("temperature", "temperature gradient")
+        for k in ports_of(model.inputs, kind)
+    }
+    chosen = inputs or [name for name in model.inputs if name not in warm]
     for name in chosen:
         if name not in model.inputs:
             raise BodyError(f"there is no input {name}; there are {', '.join(model.inputs)}")
-    if any(name.endswith(".T") for name in chosen):
+    if warm.intersection(chosen):
         raise BodyError(
             "temperatures have no hot spots: their stress is not that of the motion "
             "alone, and hangs on what holds the body (rom.stress(q, u=u))"
@@ -151,7 +120,7 @@ def hot_spots(
     if model.system.parameters:
         model = model.at()
     columns = [model.inputs.index(name) for name in chosen]
-    fields = _fields(model, body)
+    fields = stress_fields(model, body)
     geometry = Geometry.load(body_of(model, body))
     curve = model.claim.omega[:: max(1, len(model.claim.omega) // frequencies)]
     modes = natural_frequencies(model)
@@ -174,7 +143,7 @@ def hot_spots(
     for field, end in zip(fields, ends.tolist(), strict=True):
         begin = end - len(field.nodes)
         for first in range(0, len(field.nodes), CHUNK):
-            some = field.stress[:, first : first + CHUNK]
+            some = field.basis[:, first : first + CHUNK]
             rows = np.einsum("mnc,kc->nkm", some, MISES)
             squares = np.sum((rows @ parts) ** 2, axis=1)  # (n, 2 ω j)
             squares = squares.reshape(some.shape[1], 2, len(omega), len(columns))
