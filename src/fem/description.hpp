@@ -85,6 +85,8 @@ struct AccelerationField {
   std::string name;
   Type type;
   Vector3 point{}, axis{}; ///< [m]; of unit length
+  /// Of a uniform one whose only input is a multiple of this [m/s²].
+  std::optional<Vector3> vector = std::nullopt;
 };
 
 /// Loads, or outputs, given by forces at nodes for a unit of each column.

@@ -16,7 +16,8 @@ Vector3 unit(int axis) {
 
 /// The acceleration at x for a unit of the column's input.
 Vector3 acceleration(const AccelerationField& field, int axis, const Vector3& x) {
-  if (field.type == AccelerationField::Type::uniform) return unit(axis);
+  if (field.type == AccelerationField::Type::uniform)
+    return field.vector.value_or(unit(axis));
   Vector3 arm;
   for (std::size_t i = 0; i < 3; ++i) arm[i] = x[i] - field.point[i];
   if (field.type == AccelerationField::Type::angular) return cross(unit(axis), arm);
@@ -43,6 +44,7 @@ std::vector<std::string> names_of(const std::vector<Load>& loads) {
 std::vector<std::string> input_names(const AccelerationField& field) {
   const std::string stem = field.name + "." + letters_of(field.type);
   if (field.type == AccelerationField::Type::spin) return {stem};
+  if (field.vector) return {field.name + ".load"};
   return {stem + "x", stem + "y", stem + "z"};
 }
 
@@ -128,8 +130,7 @@ FieldLoads::FieldLoads(MPI_Comm comm, const BodyDescription& body, const DofMap&
                        const LocalMesh& mesh, HeldForces held)
     : sums_(comm, map, mesh, names_of(body.fields), std::move(held)) {
   for (const auto& field : body.fields)
-    for (int axis = 0; axis < (field.type == AccelerationField::Type::spin ? 1 : 3);
-         ++axis)
+    for (int axis = 0; axis < static_cast<int>(input_names(field).size()); ++axis)
       columns_.push_back({&field, axis});
 }
 

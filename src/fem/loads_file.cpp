@@ -38,7 +38,15 @@ AccelerationField read_field(const Hdf5File& file, const std::string& object,
                              const std::string& name, const std::string& type) {
   using Type = AccelerationField::Type;
   AccelerationField field{name, Type::uniform, {}, {}};
-  if (type == "acceleration") return field;
+  if (type == "acceleration") {
+    if (!file.has_attribute(object, "vector")) return field;
+    field.vector = fixed<double, 3>(file, object, "vector");
+    for (double x : *field.vector)
+      if (!std::isfinite(x))
+        throw Error(text("file %s: load %s: vector must be finite", file.path().c_str(),
+                         name.c_str()));
+    return field;
+  }
   field.type = type == "spin" ? Type::spin : Type::angular;
   field.point = fixed<double, 3>(file, object, "point");
   if (field.type == Type::spin) field.axis = fixed<double, 3>(file, object, "axis");

@@ -70,7 +70,7 @@ def face_functions(nodes: int, xi: Floats) -> tuple[Floats, Floats]:
     return shape(xi, nodes > corners)
 
 
-def _rule(corners: int) -> tuple[Floats, Floats]:
+def face_rule(corners: int) -> tuple[Floats, Floats]:
     """Points and weights, exact for polynomials of degree 4 (triangle, Dunavant 1985) and of degree
     5 in each direction (square)."""
     if corners == 3:
@@ -105,7 +105,7 @@ def areas_at_nodes(points: Floats, faces: Sequence[Ints]) -> tuple[Floats, Float
     """
     vectors, areas = np.zeros_like(points), np.zeros(len(points))
     for nodes in faces:
-        xi, weights = _rule(corners_of(nodes.shape[1]))
+        xi, weights = face_rule(corners_of(nodes.shape[1]))
         N, dN = face_functions(nodes.shape[1], xi)
         tangents = np.einsum("qna,fnx->qafx", dN, points[nodes])
         normals = weights[:, None, None] * np.cross(tangents[:, 0], tangents[:, 1])

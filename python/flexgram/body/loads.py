@@ -307,13 +307,16 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
     what it is."""
     said = {}
     for order, (name, data) in enumerate(reader.children("loads").items()):
-        entry = Reader(data, f"loads: {name}", ("type", "nodes", "point", "axis", "table"))
+        entry = Reader(
+            data, f"loads: {name}", ("type", "nodes", "point", "axis", "table", "vector")
+        )
         kind = entry.choice("type", TYPES)
         group = mesh.file.create_group(f"loads/{check_name(entry.where, str(name))}")
         group.attrs["order"] = order
         group.attrs["type"] = kind if kind in FIELDS else "forces"
-        for key in ("nodes", "point", "axis", "table"):
+        for key in ("nodes", "point", "axis", "table", "vector"):
             needs = {
+                "vector": kind == "acceleration",
                 "nodes": kind not in (*FIELDS, "nodal"),
                 "point": kind in FIELDS[1:],
                 "axis": kind in ("spin", "pretension"),
@@ -323,6 +326,10 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
                 raise BodyError(f"{entry.where}: {kind} takes no {key}")
         if kind in FIELDS:
             said[str(name)] = kind
+            if "vector" in entry.data:
+                group.attrs["vector"] = mesh.length * entry.vector("vector")
+                if not group.attrs["vector"].any():
+                    raise BodyError(f"{entry.where}: vector = [0, 0, 0] is no acceleration")
             if kind != "acceleration":
                 group.attrs["point"] = mesh.length * entry.vector("point")
             if kind == "spin":

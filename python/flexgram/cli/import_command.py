@@ -140,7 +140,8 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         "--deck-loads",
         action="store_true",
         help="make inputs of the loads of a CalculiX deck's steps (*CLOAD, *DLOAD, *DSLOAD; with "
-        "--assemble *TEMPERATURE): 1 is what the deck says",
+        "--assemble *TEMPERATURE), or of the cases of Nastran bulk data (LOAD, TEMPERATURE): 1 is "
+        "what the deck says",
     )
     parser.add_argument(
         "--strict", action="store_true", help="refuse files of which something is left out"
@@ -163,7 +164,7 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         help="input beside the interfaces, of a mesh or with --assemble: gravity=acceleration, "
-        "gas=pressure:NSET:piston, wind=traction:WHERE, push=force:WHERE, "
+        "weight=acceleration:0,0,-9.81, gas=pressure:NSET:piston, wind=traction:WHERE, push=force:WHERE, "
         "turn=spin:x,y,z,ax,ay,az (point, axis), swing=angular_acceleration:x,y,z, "
         "warm=temperature:WHERE, pull=nodal:table.csv (node, fx, fy, fz[, mx, my, mz])",
     )
@@ -356,9 +357,14 @@ def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
     interfaces = [parse(*pair) for pair in named]
     more = {**_of_body(options), **_further(options), **_of_mesh(options)}
     if options.source.suffix.lower() in BULK_DATA:
-        _refuse(options, ("step", "deck_loads"), " is of CalculiX decks")
+        _refuse(options, ("step",), " is of CalculiX decks")
         counts = assemble_bulk(
-            options.source, options.output, interfaces, ignore=options.ignore, **more
+            options.source,
+            options.output,
+            interfaces,
+            ignore=options.ignore,
+            deck_loads=options.deck_loads,
+            **more,
         )
     else:
         _refuse(options, ("ignore",), " is of Nastran bulk data")

@@ -42,7 +42,8 @@ def describe_interfaces(interfaces: Sequence[Interface]) -> dict[str, Any]:
 
 def describe_load(text: str) -> tuple[str, dict[str, Any]]:
     """Name and entry of a load from the words of a command line, ``NAME=TYPE[:MORE]``: ``MORE`` are
-    nodes, of ``angular_acceleration`` a point, of ``spin`` a point and an axis."""
+    nodes, of ``acceleration`` a vector, of ``angular_acceleration`` a point, of ``spin`` a point
+    and an axis."""
     name, equals, rest = text.partition("=")
     kind, _, more = rest.partition(":")
     if not equals or kind not in TYPES:
@@ -58,7 +59,8 @@ def describe_load(text: str) -> tuple[str, dict[str, Any]]:
     elif kind != "acceleration":
         entry["nodes"] = _choice(parse("load", f"{name}={more}"))
     elif more:
-        raise BodyError(f"--load {text}: acceleration takes no nodes: it acts on all")
+        where = f"--load {text} (acceleration takes no nodes, it may have a vector)"
+        entry["vector"] = numbers(where, more, 3).tolist()
     return name, entry
 
 

@@ -1,9 +1,9 @@
 """Nastran bulk data assembled by flexgram, read by pyNastran.
 
 Solids, shells and straight beams become elements, CONM2 masses, CELAS, CDAMP and CBUSH springs,
-CROD rods, RBE2 rigid and RBE3 distributing interfaces, SPC supports. Cards that say something else
-of stiffness or mass are refused by name, with their count, unless they are to be ignored; loads are
-left out and named.
+CROD rods, RBE2 rigid and RBE3 distributing interfaces, SPC supports, and loads of cases inputs if
+they are asked for. Cards that say something else of stiffness or mass are refused by name, with
+their count, unless they are to be ignored.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from flexgram.importers.nastran_alone import grids_alone
 from flexgram.importers.nastran_deck import BulkDeck
 from flexgram.importers.nastran_elements import Elements
 from flexgram.importers.nastran_equations import Equations
+from flexgram.importers.nastran_loads import LoadSets
 from flexgram.importers.nastran_points import PointElements
 from flexgram.importers.nastran_rigid import RigidElements
 from flexgram.importers.nastran_welds import Welds
@@ -42,6 +43,7 @@ def assemble_bulk(
     spin: Mapping[str, Any] | None = None,
     preload: Mapping[str, float] | None = None,
     ignore: Collection[str] = (),
+    deck_loads: bool = False,
 ) -> dict[str, Any]:
     """Write a mesh body of bulk data.
 
@@ -57,6 +59,8 @@ def assemble_bulk(
         Of the deck: ``SI``, ``mm-t-s``, ``mm-kg-s``, ``in-lbf-s`` or ``ft-lbf-s``.
     ignore : collection of str
         Cards to pass over though they say something of stiffness or mass.
+    deck_loads : bool
+        Make inputs of the deck's loads too (``nastran_loads.LoadSets``).
 
     Other parameters are those of ``import_mesh``.
 
@@ -97,6 +101,13 @@ def assemble_bulk(
             if value is not None
         },
     }
+    sets = LoadSets(bulk.deck, bulk.elements, bulk.rigid)
+    if not deck_loads:
+        sets.name_them()
+    for name, entry in sets.describe().items() if deck_loads else ():
+        if name in content["loads"]:
+            raise BodyError(f"load {name} is given twice: it is one of the deck's")
+        content["loads"][name] = entry
     content |= further_keys(merge, bulk.elements.repeats() or keep_repeated, spin, preload)
     counts = import_description(
         content, str(path), output, inputs=[path], mesh=bulk.elements.mesh()

@@ -266,10 +266,6 @@ class BulkDeck:
             )
         if passed := sorted(self.ignore & set(counts)):
             self.remarks.append(f"passed over: {', '.join(f'{c} ({counts[c]})' for c in passed)}")
-        of_loads = ("FORCE", "MOMENT", "PLOAD", "GRAV", "RFORCE", "TEMP")
-        some = [f"{c} ({n})" for c, n in sorted(counts.items()) if c.startswith(of_loads)]
-        if some:
-            self.remarks.append(f"loads of the deck are left out: {', '.join(some)} (--load)")
         if "SDAMPING" in self.cases():
             self.remarks.append(
                 "SDAMPING of case control, damping by modes (TABDMP1), is left out (--zeta, or "
@@ -362,8 +358,13 @@ class BulkDeck:
         system = self.model.nodes[label].cd_ref
         if system is None or self.model.nodes[label].Cd() == 0:
             return np.eye(3)
+        return self.axes_at(system, self.points[self.at(label)])
+
+    def axes_at(self, system: Any, point: Floats) -> Floats:
+        """Those of a coordinate system at a point, in rows: of cylindrical and spherical ones they
+        turn."""
         axes: Floats = np.array(system.beta(), dtype=float)
-        x, y, z = axes @ (self.points[self.at(label)] - system.origin)
+        x, y, z = axes @ (point - system.origin)
         if system.type[-1] == "R":
             return axes
         theta = np.arctan2(y, x)

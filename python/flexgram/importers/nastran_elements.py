@@ -59,6 +59,7 @@ class Elements:
         self.groups: dict[tuple[str, str], tuple[list[list[int]], list[int]]] = {}
         self.later: list[tuple[int, Any]] = []  #: springs, and rods that resist twist
         self.fasteners: list[tuple[int, Any]] = []
+        self.beams: dict[int, tuple[Floats, list[int]]] = {}  #: axes in rows, nodes along it
         self.arms: list[Arm] = []  #: of beams beside their grids, or with pins
         self.at_offsets: dict[tuple[int, bytes], int] = {}  #: those without pins
         self.ends: list[Floats] = []  #: new nodes, behind the grids
@@ -306,6 +307,7 @@ class Elements:
         inner = [len(self.deck.points) + len(self.ends) + k for k in range(count - 1)]
         self.ends += [ends[0] + (ends[1] - ends[0]) * k / count for k in range(1, count)]
         nodes[1:1] = inner
+        self.beams[number] = axes, nodes
         for k in range(count):
             region = self._piece(element, along, v, (k + 0.5) / count if count > 1 else 0.0)
             cells, labels = self.groups.setdefault((region, "line"), ([], []))

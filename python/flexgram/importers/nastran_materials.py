@@ -32,6 +32,15 @@ def _of_plane(card: Any) -> list[list[float]]:
     return rows
 
 
+def _expansion(card: Any) -> float | list[float] | None:
+    """Along the axes of a material, if it is all that there is of it [1/K]."""
+    if card.type == "MAT1":
+        return float(card.a or 0.0) or None
+    along = [float(x or 0.0) for x in (card.a1, card.a2)]
+    shears = card.type == "MAT2" and card.a3
+    return [*along, 0.0] if any(along) and not shears else None
+
+
 def beam_ratio(card: Any) -> tuple[float, float]:
     """Of a MAT1: Poisson's ratio with which E gives the G of a beam; and, where there is none, zero
     and what to multiply the areas by that G resists with."""
@@ -47,6 +56,7 @@ class Materials:
 
     def __init__(self, deck: BulkDeck) -> None:
         self.deck = deck
+        self.references: set[float] = set()  #: temperatures without stress (TREF)
         self.entries: dict[str, dict[str, Any]] = {}
 
     def _density(self, card: Any, more: float) -> float:
@@ -107,6 +117,9 @@ class Materials:
         loss = float(card.ge or 0.0) if loss is None else loss
         if loss:
             entry["loss_factor"] = loss
+        if expansion := _expansion(card):
+            entry["expansion"] = expansion
+            self.references.add(float(card.tref or 0.0))
         self.entries[name] = entry
         return name
 

@@ -22,6 +22,7 @@ class RigidElements:
         self.supports: dict[str, dict[str, Any]] = {}
         self.interfaces: dict[str, dict[str, Any]] = {}
         self.references: dict[int, str] = {}  #: of interfaces, where nothing else is
+        self.carried: dict[int, str] = {}  #: further grids of no element, moved by interfaces
         self.grounded: set[int] = set()  #: grids of RBE2 that are held
         self.shared: dict[int, tuple[str, list[int]]] = {}  #: of RBE2 by their reference
         self.loose: set[int] = set()  #: grids whose rotations RBE2 leave free
@@ -186,6 +187,7 @@ class RigidElements:
         for reference, (name, nodes) in self._chained().items():
             where = f"{self.deck.path}: {name.upper().replace('_', ' ')}"
             fixed = sorted(n for n in nodes if n in held)
+            bare = [self.deck.at(n) + 1 for n in nodes if n not in self.elements.used]
             nodes = [n for n in dict.fromkeys(nodes) if n in self.elements.used]
             if not nodes:
                 self.deck.remarks.append(
@@ -208,6 +210,7 @@ class RigidElements:
                 nodes.append(reference)
             else:
                 self.references[self.deck.at(reference) + 1] = name
+            self.carried |= dict.fromkeys(bare, name)
             self.interfaces[name] = {
                 "coupling": "rigid",
                 "nodes": [self.deck.at(n) + 1 for n in nodes],

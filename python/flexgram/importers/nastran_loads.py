@@ -1,0 +1,462 @@
+"""Loads of Nastran bulk data as inputs: forces, moments, pressure, gravity, spin, temperatures.
+
+Every load set that case control chooses is one input, whose value 1 is what the deck says:
+``load7.load``; the gravity of the set is another one, ``load7_gravity.load``, and its spin
+``load7_spin.spin``; the temperatures of a case are ``temperature3.T``. A set of which a card is not
+followed is left out as a whole, and named.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from flexgram.basics import Floats, Ints
+from flexgram.body.face_integrals import corners_of, face_functions, face_rule
+from flexgram.body.faces import CORNERS, FACES, LINEAR, MIDDLES
+from flexgram.importers.nastran_deck import BulkDeck, named
+from flexgram.importers.nastran_elements import Elements
+from flexgram.importers.nastran_rigid import RigidElements
+
+OF_LOADS = ("FORCE", "MOMENT", "PLOAD", "GRAV", "ACCEL", "RFORCE", "SLOAD", "TEMP")
+
+
+class _LeftOut(Exception):
+    """Why a set is left out."""
+
+
+class LoadSets:
+    """The load sets of a deck.
+
+    Attributes
+    ----------
+    forces : (N, 6) array
+        Of the set at hand: forces and moments of grids, and of nodes behind them.
+    """
+
+    def __init__(self, deck: BulkDeck, elements: Elements, rigid: RigidElements) -> None:
+        self.deck, self.elements, self.rigid = deck, elements, rigid
+        self.where = {
+            label: (kind, cell)
+            for (_, kind), (cells, labels) in elements.groups.items()
+            for cell, label in zip(cells, labels, strict=True)
+        }
+        self.points = elements.places()
+        self.forces = np.zeros((len(self.points), 6))
+        self.gravity = np.zeros(3)
+        self.spins: list[tuple[float, Floats, Floats]] = []
+
+    def name_them(self) -> None:
+        """Say what is left out if no input is made of it."""
+        counts = Counter({str(k): int(v) for k, v in self.deck.model.card_count.items()})
+        some = [f"{c} ({n})" for c, n in sorted(counts.items()) if c.startswith(OF_LOADS)]
+        if some:
+            self.deck.remark(
+                f"loads of the deck are left out: {', '.join(some)} (--deck-loads makes inputs of "
+                "them)"
+            )
+
+    def describe(self) -> dict[str, dict[str, Any]]:
+        """Entries of ``loads`` of a description."""
+        found: dict[str, dict[str, Any]] = {}
+        for number in self._chosen("LOAD", *self._sets()):
+            name = f"load{number}"
+            try:
+                self._collect(number)
+                self._at_grids(name, found)
+            except _LeftOut as reason:
+                self.deck.remark(f"load {number} is left out: {reason}")
+        heat = {*self._of_heat(), *map(int, self.deck.model.tempds)}
+        for number in self._chosen("TEMPERATURE(LOAD)", heat, heat):
+            try:
+                found[f"temperature{number}"] = self._temperature(number)
+            except _LeftOut as reason:
+                self.deck.remark(f"temperature {number} is left out: {reason}")
+        return found
+
+    def _sets(self) -> tuple[set[int], set[int]]:
+        """Numbers of all sets; those that no LOAD combines."""
+        model = self.deck.model
+        combined = [
+            card
+            for cards in model.load_combinations.values()
+            for card in cards
+            if card.type == "LOAD"
+        ]
+        parts = {int(n) for card in combined for n in card.get_load_ids()}
+        heat = self._of_heat()
+        every = {*(int(card.sid) for card in combined), *map(int, model.loads)} - heat
+        return every, every - parts
+
+    def _of_heat(self) -> set[int]:
+        """Numbers of the sets that are temperatures."""
+        cards = self.deck.model.loads.items()
+        return {int(n) for n, of in cards if any(c.type.startswith("TEMP") for c in of)}
+
+    def _chosen(self, kind: str, known: set[int], alone: set[int]) -> list[int]:
+        """The sets of all cases; where none chooses one, those alone."""
+        control = self.deck.model.case_control_deck
+        if control is None:
+            return sorted(alone)
+        keys = (kind, "TEMPERATURE(BOTH)", "TEMPERATURE") if "TEMP" in kind else (kind,)
+        chosen = {
+            int(case.params[key][0])
+            for case in control.subcases.values()
+            for key in keys
+            if key in case.params
+        }
+        if lost := sorted(chosen - known):
+            self.deck.remark(f"case control chooses {kind} {lost[0]}, which is not in the deck")
+        return sorted(chosen & known) if chosen else sorted(alone)
+
+    def _collect(self, number: int) -> None:
+        """The forces, the gravity and the spins of a set.
+
+        Raises
+        ------
+        _LeftOut
+            If one of its cards is not followed.
+        """
+        self.forces[:] = 0
+        self.gravity[:] = 0
+        self.spins = []
+        model = self.deck.model
+        combined = {int(k) for k, of in model.load_combinations.items() if of[0].type == "LOAD"}
+        for card in model.load_combinations.get(number, []):
+            if nested := combined & {int(n) for n in card.get_load_ids()}:
+                raise _LeftOut(f"it combines {min(nested)}, which is a LOAD itself")
+        with named(self.deck.path, f"load {number} is not understood"):
+            cards, factors, _ = model.get_reduced_loads(number)
+        makers = {
+            "FORCE": self._force, "FORCE1": self._force, "FORCE2": self._force,
+            "MOMENT": self._force, "MOMENT1": self._force, "MOMENT2": self._force,
+            "PLOAD": self._pload, "PLOAD2": self._pload2, "PLOAD4": self._pload4,
+            "PLOAD1": self._pload1, "GRAV": self._grav, "RFORCE": self._rforce,
+            "SLOAD": self._sload,
+        }  # fmt: skip
+        unknown = Counter(card.type for card in cards if card.type not in makers)
+        if unknown:
+            said = ", ".join(f"{kind} ({n})" for kind, n in sorted(unknown.items()))
+            raise _LeftOut(f"{said} is not followed")
+        for card, factor in zip(cards, factors, strict=True):
+            makers[card.type](card, float(factor))
+
+    def _at_grids(self, name: str, found: dict[str, dict[str, Any]]) -> None:
+        """Entries of the set that was collected."""
+        if self.forces.any():
+            self._spread()
+        used = np.flatnonzero(self.forces.any(axis=1))
+        if len(used):
+            columns = 6 if self.forces[:, 3:].any() else 3
+            rows = np.column_stack([used + 1, self.forces[used, :columns]])
+            found[name] = {"type": "nodal", "table": rows}
+        if self.gravity.any():
+            found[f"{name}_gravity"] = {"type": "acceleration", "vector": self.gravity.tolist()}
+        for k, (square, point, axis) in enumerate(self.spins, 1):
+            own = f"{name}_spin{k if len(self.spins) > 1 else ''}"
+            found[own] = {"type": "spin", "point": point.tolist(), "axis": axis.tolist()}
+            self.deck.remark(
+                f"input {own}.spin is the square of a speed: that of the deck (RFORCE) is "
+                f"{square:.9g} rad²/s²"
+            )
+        if not (len(used) or self.gravity.any() or self.spins):
+            raise _LeftOut("it vanishes")
+
+    def _place(self, label: int) -> Floats:
+        place: Floats = self.deck.points[self.deck.at(int(label))]
+        return place
+
+    def _force(self, card: Any, factor: float) -> None:
+        grid = int(card.node_id)
+        turns = card.type.startswith("MOMENT")
+        if card.type in ("FORCE", "MOMENT"):
+            vector = np.asarray(card.xyz, dtype=float)
+            if card.Cid() != 0:
+                vector = vector @ self.deck.axes_at(card.cid_ref, self._place(grid))
+        elif card.type in ("FORCE1", "MOMENT1"):
+            vector = self._unit(card, self._place(card.G2()) - self._place(card.G1()))
+        else:
+            ends = [self._place(n) for n in (card.G1(), card.G2(), card.G3(), card.G4())]
+            vector = self._unit(card, np.cross(ends[1] - ends[0], ends[3] - ends[2]))
+        if grid in self.elements.scalars:
+            raise _LeftOut(f"{card.type} at the scalar point {grid}")
+        self.forces[self.deck.at(grid), 3 * turns : 3 * turns + 3] += factor * card.mag * vector
+
+    @staticmethod
+    def _unit(card: Any, vector: Floats) -> Floats:
+        size = float(np.linalg.norm(vector))
+        if not size > 0:
+            raise _LeftOut(f"{card.type} at grid {card.node_id} has no direction")
+        unit: Floats = vector / size
+        return unit
+
+    def _sload(self, card: Any, factor: float) -> None:
+        for node, size in zip(card.node_ids, card.mags, strict=True):
+            if int(node) not in self.elements.scalars:
+                raise _LeftOut(f"SLOAD at {node}, which is no scalar point")
+            self.forces[self.elements.scalars[int(node)] - 1, 0] += factor * float(size)
+
+    def _grav(self, card: Any, factor: float) -> None:
+        vector = np.asarray(card.N, dtype=float)
+        if card.Cid() != 0:
+            if card.cid_ref.type[-1] != "R":
+                raise _LeftOut(f"GRAV in the system {card.Cid()}, which is not rectangular")
+            vector = vector @ np.asarray(card.cid_ref.beta(), dtype=float)
+        self.gravity += factor * float(card.scale) * vector
+
+    def _rforce(self, card: Any, factor: float) -> None:
+        if float(card.racc or 0.0):
+            raise _LeftOut("RFORCE with an angular acceleration (RACC)")
+        axis = np.asarray(card.r123, dtype=float)
+        if card.Cid() != 0:
+            if card.cid_ref.type[-1] != "R":
+                raise _LeftOut(f"RFORCE in the system {card.Cid()}, which is not rectangular")
+            axis = axis @ np.asarray(card.cid_ref.beta(), dtype=float)
+        size = float(np.linalg.norm(axis))
+        speed = 2 * np.pi * float(card.scale) * size
+        if not size > 0 or not factor > 0:
+            raise _LeftOut("RFORCE without an axis, or with a negative factor")
+        point = self._place(card.node_id) if card.node_id else np.zeros(3)
+        self.spins.append((factor * speed**2, point, axis / size))
+
+    def _pload(self, card: Any, factor: float) -> None:
+        cell = np.array([self.deck.at(int(n)) for n in card.node_ids if n])
+        if len(cell) not in (3, 4):
+            raise _LeftOut("PLOAD between other than 3 or 4 grids")
+        self._press(cell, np.full(len(cell), factor * float(card.pressure)))
+
+    def _pload1(self, card: Any, factor: float) -> None:
+        """Forces and moments along a beam, by the cubic functions of its bending."""
+        label, kind = int(card.eid), str(card.load_type)
+        if label not in self.elements.beams:
+            raise _LeftOut(f"PLOAD1 on element {label}, which is no beam")
+        if card.scale not in ("LE", "FR"):
+            raise _LeftOut(f"PLOAD1 by projected length ({card.scale})")
+        axes, nodes = self.elements.beams[label]
+        x = self.points[nodes]
+        length = float(np.linalg.norm(x[-1] - x[0]))
+        direction = np.eye(3)["XYZ".index(kind[1])]
+        if kind.endswith("E"):
+            direction = axes["XYZ".index(kind[1])]
+        unit = 1.0 if card.scale == "FR" else length
+        first, last = float(card.x1) / unit, float(card.x1 if card.x2 is None else card.x2) / unit
+        p1, p2 = float(card.p1), float(card.p1 if card.p2 is None else card.p2)
+        if not 0 <= first <= last <= 1 + 1e-9:
+            raise _LeftOut(f"PLOAD1 beside the beam {label}")
+        if last - first < 1e-12:
+            at, sizes = np.array([first]), np.array([p1])
+        else:
+            ends = np.unique(np.clip([first, *np.linspace(0, 1, len(nodes)), last], first, last))
+            xi, weight = np.polynomial.legendre.leggauss(4)  # type: ignore[no-untyped-call]
+            half, middle = np.diff(ends) / 2, (ends[1:] + ends[:-1]) / 2
+            at = (middle[:, None] + half[:, None] * xi).ravel()
+            sizes = (half[:, None] * weight).ravel() * length
+            sizes = sizes * (p1 + (p2 - p1) * (at - first) / (last - first))
+        for place, size in zip(at.tolist(), (factor * sizes).tolist(), strict=True):
+            self._along_beam(axes[0], nodes, place, size * direction, kind[0] == "M")
+
+    def _along_beam(
+        self, along: Floats, nodes: list[int], place: float, vector: Floats, turns: bool
+    ) -> None:
+        """A force, or a moment, at a place from 0 to 1."""
+        pieces = len(nodes) - 1
+        k = min(int(place * pieces), pieces - 1)
+        a, b = nodes[k], nodes[k + 1]
+        length, s = float(np.linalg.norm(self.points[b] - self.points[a])), place * pieces - k
+        lengthwise = (vector @ along) * along
+        across = vector - lengthwise
+        turn = 3 if turns else 0
+        self.forces[a, turn : turn + 3] += (1 - s) * lengthwise
+        self.forces[b, turn : turn + 3] += s * lengthwise
+        if turns:
+            push = np.cross(across, along) * 6 * s * (s - 1) / length
+            self.forces[a, :3] += push
+            self.forces[b, :3] -= push
+            self.forces[a, 3:] += (1 - 4 * s + 3 * s**2) * across
+            self.forces[b, 3:] += (3 * s**2 - 2 * s) * across
+        else:
+            turned = length * np.cross(along, across)
+            self.forces[a, :3] += (1 - 3 * s**2 + 2 * s**3) * across
+            self.forces[b, :3] += (3 * s**2 - 2 * s**3) * across
+            self.forces[a, 3:] += (s - 2 * s**2 + s**3) * turned
+            self.forces[b, 3:] += (s**3 - s**2) * turned
+
+    def _pload2(self, card: Any, factor: float) -> None:
+        for label in card.element_ids:
+            self._press_shell("PLOAD2", int(label), np.full(4, factor * float(card.pressure)))
+
+    def _pload4(self, card: Any, factor: float) -> None:
+        if card.surf_or_line not in ("SURF", None) or str(card.line_load_dir or "NORM") != "NORM":
+            raise _LeftOut("PLOAD4 along lines")
+        pressure = factor * np.asarray(card.pressures, dtype=float)
+        direction = np.asarray(card.nvector if card.nvector is not None else np.zeros(3), float)
+        if direction.any() and card.Cid() not in (0, None):
+            if card.cid_ref.type[-1] != "R":
+                raise _LeftOut(f"PLOAD4 in the system {card.Cid()}, which is not rectangular")
+            direction = direction @ np.asarray(card.cid_ref.beta(), dtype=float)
+        along = direction / np.linalg.norm(direction) if direction.any() else None
+        for label in map(int, card.element_ids):
+            kind, cell = self._element("PLOAD4", label)
+            if kind in CORNERS:
+                self._press_shell("PLOAD4", label, pressure, along)
+                continue
+            face = self._face(label, kind, cell, card)
+            corners = corners_of(len(face))
+            order = self._from(face[:corners], self.deck.at(int(card.g1_ref.nid)))
+            values = np.empty(corners)
+            values[order] = pressure[:corners]
+            self._press(face, -values if along is None else values, along)
+
+    def _element(self, card: str, label: int) -> tuple[str, list[int]]:
+        if label not in self.where:
+            raise _LeftOut(f"{card} on element {label}, which is no solid and no shell")
+        return self.where[label]
+
+    @staticmethod
+    def _from(corners: Ints, first: int) -> list[int]:
+        """The corners of a face in the order from ``first`` on, as Nastran gives pressures: seen
+        from outside it runs the other way round."""
+        at = corners.tolist().index(first)
+        return [(at - k) % len(corners) for k in range(len(corners))]
+
+    def _face(self, label: int, kind: str, cell: list[int], card: Any) -> Ints:
+        """That of a solid which G1 and G3 or G4 name: its nodes, outward."""
+        if card.g1_ref is None:
+            raise _LeftOut(f"PLOAD4 on the solid {label} names no grid of a face")
+        g1 = self.deck.at(int(card.g1_ref.nid))
+        other = None if card.g34_ref is None else self.deck.at(int(card.g34_ref.nid))
+        linear = LINEAR.get(kind, kind)
+        found = []
+        for face in FACES.get(linear, ()):
+            nodes = [cell[k] for k in face]
+            if g1 not in nodes:
+                continue
+            if linear == "tetra":
+                fits = other is not None and other not in nodes
+            elif other is None:
+                fits = len(nodes) == 3
+            else:  # across from each other
+                fits = len(nodes) == 4 and nodes[(nodes.index(g1) + 2) % 4] == other
+            if fits:
+                found.append(face)
+        if len(found) != 1:
+            raise _LeftOut(f"PLOAD4 on element {label}: its grids name no face")
+        face, middles = found[0], MIDDLES.get(kind, {})
+        edges = zip(face, (*face[1:], face[0]), strict=True)
+        between = [middles[frozenset(edge)] for edge in edges] if middles else []
+        return np.array([cell[k] for k in (*face, *between)])
+
+    def _press_shell(
+        self, card: str, label: int, pressure: Floats, along: Floats | None = None
+    ) -> None:
+        """Along its normal, or another direction."""
+        kind, cell = self._element(card, label)
+        if kind not in CORNERS:
+            raise _LeftOut(f"{card} on element {label}, which is no shell")
+        self._press(np.array(cell), pressure[: CORNERS[kind]], along)
+
+    def _press(self, face: Ints, pressure: Floats, along: Floats | None = None) -> None:
+        """A pressure, given at the corners of a face and linear between them, along its normal."""
+        corners = corners_of(len(face))
+        xi, weights = face_rule(corners)
+        N, dN = face_functions(len(face), xi)
+        between, _ = face_functions(corners, xi)
+        tangents = np.einsum("qna,nx->qax", dN, self.points[face])
+        normals = np.cross(tangents[:, 0], tangents[:, 1])
+        if along is not None:
+            normals = np.linalg.norm(normals, axis=1)[:, None] * along
+        here = np.einsum("q,qn,q,qx->nx", weights, N, between @ pressure, normals)
+        np.add.at(self.forces[:, :3], face, here)
+
+    def _spread(self) -> None:
+        """Forces at grids that only interfaces move, on the nodes of these, as their RBE2 or RBE3
+        does; moments that no grid takes are left out, as AUTOSPC does."""
+        reached = np.zeros(len(self.forces), dtype=bool)
+        reached[[self.deck.at(label) for label in self.elements.used]] = True
+        reached[len(self.deck.points) :] = True
+        for k in np.flatnonzero(self.forces.any(axis=1) & ~reached).tolist():
+            name = self.rigid.references.get(k + 1) or self.rigid.carried.get(k + 1)
+            if name is None and k + 1 in self.rigid.grounded:
+                self.forces[k] = 0  # it is held
+                continue
+            if name is None:
+                raise _LeftOut(f"grid {self.deck.labels[k]} belongs to no element")
+            six, self.forces[k] = self.forces[k].copy(), 0
+            interface = self.rigid.interfaces[name]
+            self._share(np.array(interface["nodes"]) - 1, interface.get("weights"), k, six)
+        turning = np.zeros(len(self.forces), dtype=bool)
+        turning[[self.deck.at(label) for label in self.elements.turning]] = True
+        turning[len(self.deck.points) :] = True
+        for interface in self.rigid.interfaces.values():
+            if interface["coupling"] == "rigid":
+                turning[np.array(interface["nodes"]) - 1] = True
+        lost = np.flatnonzero(self.forces[:, 3:].any(axis=1) & ~turning)
+        if len(lost):
+            self.deck.remark(
+                f"moments at grids without rotations are left out, first at "
+                f"{self.deck.labels[lost[0]]}, as AUTOSPC does"
+            )
+            self.forces[lost, 3:] = 0
+
+    def _share(self, nodes: Ints, weights: list[float] | None, at: int, six: Floats) -> None:
+        """A force and a moment on the nodes of an interface: by their weights and arms."""
+        w = np.ones(len(nodes)) if weights is None else np.asarray(weights, dtype=float)
+        x = self.points[nodes]
+        middle = w @ x / w.sum()
+        r = x - middle
+        moment = six[3:] + np.cross(self.points[at] - middle, six[:3])
+        inertia = np.einsum("n,na,nb->ab", w, r, r)
+        inertia = np.trace(inertia) * np.eye(3) - inertia
+        turn = np.linalg.lstsq(inertia, moment, rcond=1e-9)[0]
+        forces = w[:, None] * (six[:3] / w.sum() + np.cross(turn, r))
+        np.add.at(self.forces[:, :3], nodes, forces)
+        left = moment - inertia @ turn  # about the line on which all of them lie
+        if np.linalg.norm(left) > 1e-9 * max(float(np.linalg.norm(moment)), 1e-300):
+            np.add.at(self.forces[:, 3:], nodes, w[:, None] * left / w.sum())
+
+    def _temperature(self, number: int) -> dict[str, Any]:
+        """Temperatures above those without stress."""
+        model = self.deck.model
+        cards = model.loads.get(number, [])
+        others = Counter(card.type for card in cards if card.type != "TEMP")
+        if others:
+            said = ", ".join(f"{kind} ({n})" for kind, n in sorted(others.items()))
+            raise _LeftOut(f"{said} is not followed")
+        without = [name for name, of in self.elements.materials.entries.items()
+                   if "expansion" not in of]  # fmt: skip
+        if without:
+            raise _LeftOut(f"material {without[0]} has no expansion, or one that shears")
+        above = self._field(number) - self._start()
+        used = np.array([self.deck.at(label) for label in sorted(self.elements.used)])
+        if not np.all(np.isfinite(above[used])):
+            grid = self.deck.labels[used[~np.isfinite(above[used])][0]]
+            raise _LeftOut(f"grid {grid} has no temperature (TEMP, TEMPD)")
+        warm = used[above[used] != 0]
+        if not len(warm):
+            raise _LeftOut("it is that without stress")
+        return {"type": "temperature", "table": np.column_stack([warm + 1, above[warm]])}
+
+    def _field(self, number: int) -> Floats:
+        """Temperatures (G,) of grids; NaN where none is given."""
+        model = self.deck.model
+        field = np.full(len(self.deck.points), np.nan)
+        if number in model.tempds:
+            field[:] = float(model.tempds[number].temperature)
+        for card in model.loads.get(number, []):
+            for label, value in card.temperatures.items():
+                field[self.deck.at(int(label))] = float(value)
+        return field
+
+    def _start(self) -> Floats | float:
+        """Those without stress: of TEMPERATURE(INITIAL), or TREF of all materials."""
+        control = self.deck.model.case_control_deck
+        for case in control.subcases.values() if control is not None else ():
+            if "TEMPERATURE(INITIAL)" in case.params:
+                return self._field(int(case.params["TEMPERATURE(INITIAL)"][0]))
+        references = self.elements.materials.references
+        if len(references) > 1:
+            said = ", ".join(f"{t:g}" for t in sorted(references))
+            raise _LeftOut(f"materials have different temperatures without stress (TREF {said})")
+        return next(iter(references), 0.0)
