@@ -447,7 +447,8 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
                    : sup.excluded.empty() ? "certified"
                                           : "certified outside";
   for (std::size_t v = 1; v < sup.worst_of.size(); ++v)
-    rom.claim.by_kind.emplace_back(medium_.views[v].name, sup.worst_of[v]);
+    rom.claim.by_kind.emplace_back(medium_.views[v].name, sup.worst_of[v],
+                                   medium_.least_size(v));
   if (!request_.order.of_kinds.empty())
     for (std::size_t v = 1; v < sup.worst_of.size(); ++v)
       rom.claim.kind_tolerances.push_back(limit_of(v));

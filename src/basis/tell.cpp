@@ -275,6 +275,16 @@ void tell_kinds(const CutStory& cut, const ReducedModel& rom, Observer& observer
       if (!rom.claim.kind_tolerances.empty())
         words += text(" of %g", rom.claim.kind_tolerances[k]);
     }
+    std::vector<std::string> vanishing;
+    for (std::size_t v = 1; v < medium.views.size(); ++v) {
+      const auto& sizes = cut.seen.grid().views[v].size;
+      if (*std::min_element(sizes.begin(), sizes.end()) <= medium.least_size(v))
+        vanishing.push_back(medium.views[v].name);
+    }
+    if (!vanishing.empty())
+      words += text("; %s nearly vanishes somewhere: there relative to 1e-8 of what its "
+                    "ports answer to themselves",
+                    join(vanishing).c_str());
     observer.fact("by kind", words + " (" + label_of(rom) + ")");
   } else if (port_views(medium.names, {true, {}, {}}).size() > 1) {
     std::vector<ComplexDense> H, H_r;

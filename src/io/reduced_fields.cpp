@@ -159,13 +159,15 @@ void claim_of(FieldSink& sink, const Claim& claim) {
   if (claim.supremum) supremum_of(sink, *claim.supremum);
   if (!claim.by_kind.empty()) {
     std::vector<std::string> kinds;
-    std::vector<double> worst;
-    for (const auto& [kind, error] : claim.by_kind) {
-      kinds.push_back(kind);
-      worst.push_back(error);
+    std::vector<double> worst, sizes;
+    for (const KindClaim& kind : claim.by_kind) {
+      kinds.push_back(kind.name);
+      worst.push_back(kind.worst);
+      sizes.push_back(kind.least);
     }
     sink.value("error/kinds", kinds);
     sink.value("error/by_kind", worst);
+    sink.value("error/kind_least", sizes);
     if (!claim.kind_tolerances.empty())
       sink.value("error/kind_tolerances", claim.kind_tolerances);
   }

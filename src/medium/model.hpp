@@ -152,10 +152,15 @@ public:
   const std::vector<Certificate::PortSet>& blocks() const { return ports_.blocks; }
   /// Of each view so many first modes, rigid ones, are no part of what errors are relative to.
   std::vector<int> left_out() const;
+  /// Errors of a kind of ports are relative to this where its response is smaller, in its unit: a
+  /// millionth of what its inputs and its outputs answer to themselves. 0 of all ports together.
+  double least_size(std::size_t view) const { return reference_[view].least; }
 
 private:
   void choose_references(const std::vector<Interval>& bands, RelativeTo relative_to);
   bool is_zero(const PortView& view, const std::vector<Interval>& bands, int from) const;
+  double own_size(const PortView& view, const std::vector<Interval>& bands,
+                  int from) const;
   std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
   ResponseSeries inputs_of(const ResponseSeries& x) const;
   /// CᵀX of these inputs; what small models are compared with, without rigid modes.
@@ -214,6 +219,7 @@ private:
   struct Reference {
     int left_out = 0;
     bool or_whole = false;
+    double least = 0; ///< or this, if it is larger
   };
   std::vector<Reference> reference_; ///< of each view
 };

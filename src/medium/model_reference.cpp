@@ -46,6 +46,32 @@ void MediumModel::scale_bounds(const std::vector<double>& factors,
   }
 }
 
+namespace {
+
+/// Of what its ports answer to themselves, a response that is this small is as good as none.
+constexpr double negligible_size = 1e-8;
+/// Frequencies at which responses are looked at to see what is negligible.
+constexpr int samples = 9;
+
+template <class Look>
+void look_over(const std::vector<Interval>& bands, const DenseResponse& response,
+               const Look& look) {
+  for (const Interval& band : bands)
+    for (int l = 0; l < samples; ++l) {
+      const double omega = band.first + (band.last - band.first) * l / (samples - 1);
+      if (!response.is_resonance(omega)) look(omega);
+    }
+}
+
+ViewNorms at_least(ViewNorms norms, double least) {
+  for (double& x : norms.at) x = std::max(x, least);
+  for (double& x : norms.above) x = std::max(x, least);
+  for (double& x : norms.below) x = std::max(x, least);
+  return norms;
+}
+
+} // namespace
+
 /// Of each view the norms of what its errors are relative to, and of H.
 /// @param norms_of  (view, whether of the elastic part) of H.
 template <class NormsOf>
@@ -54,11 +80,13 @@ void MediumModel::take_sizes(const NormsOf& norms_of, Stretch& result) const {
   result.whole.clear();
   for (std::size_t v = 0; v < views.size(); ++v) {
     const ViewNorms whole = norms_of(v, false);
-    const auto [left_out, or_whole] = reference_[v];
-    result.whole.push_back(*std::min_element(whole.below.begin(), whole.below.end()));
-    result.size.push_back(left_out == 0 ? whole
-                          : or_whole    ? smaller_of(norms_of(v, true), whole)
-                                        : norms_of(v, true));
+    const auto [left_out, or_whole, least] = reference_[v];
+    const double smallest = *std::min_element(whole.below.begin(), whole.below.end());
+    result.whole.push_back(std::max(smallest, least));
+    result.size.push_back(at_least(left_out == 0 ? whole
+                                   : or_whole    ? smaller_of(norms_of(v, true), whole)
+                                                 : norms_of(v, true),
+                                   least));
   }
 }
 
@@ -75,26 +103,48 @@ bool MediumModel::is_zero(const PortView& view, const std::vector<Interval>& ban
     return sum;
   };
   const OutputForm& form = ports_.form;
-  constexpr int samples = 9;
-  for (const Interval& band : bands)
-    for (int l = 0; l < samples; ++l) {
-      const double omega = band.first + (band.last - band.first) * l / (samples - 1);
-      if (response.is_resonance(omega)) continue;
-      const ComplexDense x = response.modal_response(omega);
-      for (int j : view.columns)
-        for (int i : view.rows) {
-          const int input = ports_.inputs[as_size(j)],
-                    output = ports_.outputs[as_size(i)];
-          const double own = std::sqrt(std::abs(entry(x, input, input, 0)) *
-                                       std::abs(entry(x, output, output, 0)));
-          std::complex<double> H = form.factor(i, omega) * entry(x, output, input, from);
-          if (form.has_direct())
-            H += form.direct()(i, j) * ports_.scale[as_size(output)] *
-                 ports_.scale[as_size(input)];
-          if (std::isfinite(own) && std::abs(H) > 1e-9 * own) return false;
-        }
-    }
-  return true;
+  bool is_zero = true;
+  look_over(bands, response, [&](double omega) {
+    if (!is_zero) return;
+    const ComplexDense x = response.modal_response(omega);
+    for (int j : view.columns)
+      for (int i : view.rows) {
+        const int input = ports_.inputs[as_size(j)], output = ports_.outputs[as_size(i)];
+        const double own = std::sqrt(std::abs(entry(x, input, input, 0)) *
+                                     std::abs(entry(x, output, output, 0)));
+        std::complex<double> H = form.factor(i, omega) * entry(x, output, input, from);
+        if (form.has_direct())
+          H += form.direct()(i, j) * ports_.scale[as_size(output)] *
+               ports_.scale[as_size(input)];
+        if (std::isfinite(own) && std::abs(H) > 1e-9 * own) is_zero = false;
+      }
+  });
+  return is_zero;
+}
+
+/// √(Σ|H_ii| Σ|H_jj|) over the outputs and the inputs of a view, which its ‖H‖ is no larger than
+/// where H is that of springs; of modes `from` on, the least of some frequencies.
+double MediumModel::own_size(const PortView& view, const std::vector<Interval>& bands,
+                             int from) const {
+  const DenseResponse& response = *level_.response;
+  const Dense& ports = response.modal_inputs();
+  double least = HUGE_VAL;
+  look_over(bands, response, [&](double omega) {
+    const ComplexDense x = response.modal_response(omega);
+    const auto answers = [&](const std::vector<int>& of, const std::vector<int>& chosen) {
+      double sum = 0;
+      for (int k : of) {
+        const int port = chosen[as_size(k)];
+        std::complex<double> own = 0;
+        for (int l = from; l < x.rows; ++l) own += ports(l, port) * x(l, port);
+        sum += std::abs(own) * std::pow(ports_.scale[as_size(port)], -2);
+      }
+      return sum;
+    };
+    least = std::min(least, std::sqrt(answers(view.rows, ports_.outputs) *
+                                      answers(view.columns, ports_.inputs)));
+  });
+  return std::isfinite(least) ? least : 0;
 }
 
 /// Chooses what errors of each view are relative to, and drops views that are nothing but
@@ -123,6 +173,8 @@ void MediumModel::choose_references(const std::vector<Interval>& bands,
       }
       reference = {};
     }
+    if (v > 0 && parameters_of(level_.response->system().terms).empty())
+      reference.least = negligible_size * own_size(views[v], bands, reference.left_out);
     kept.push_back(std::move(views[v]));
     reference_.push_back(reference);
   }

@@ -88,6 +88,8 @@ struct ErrorCurve {
 struct KindClaim {
   std::string name;
   double worst = 0; ///< largest bound in the bands
+  /// What its error is relative to where its response is smaller, in the unit of that.
+  double least = 0;
 };
 
 /// What is claimed of a reduced body's error.

@@ -31,6 +31,7 @@ def test_what_is_not_claimed_of_an_assembly_is_not_taken_for_zero() -> None:
     )
     part.outputs[2] = "p0.a.sxx"
     part.claim.kinds, part.claim.by_kind = ["displacement from force"], np.array([1e-5])
+    part.claim.kind_least = np.zeros(1)
     size = lambda rows, columns: np.asarray(1.0)  # noqa: E731
     kinds = ["displacement", "stress"], ["force"]
     zero = errors_of(part, *kinds, size, size)

@@ -64,6 +64,7 @@ def errors_of(
     if not len(model.claim.by_kind):
         return E
     claims = dict(zip(model.claim.kinds, model.claim.by_kind, strict=True))
+    least = dict(zip(model.claim.kinds, model.claim.kind_least, strict=True))
     for i, output in enumerate(outputs):
         for j, input_ in enumerate(inputs):
             kind = f"{output} from {input_}"
@@ -75,7 +76,7 @@ def errors_of(
                 share = 1.0
             if share < np.inf:
                 ports = ports_of(model.outputs, output), ports_of(model.inputs, input_)
-                error = share * size(*ports)
+                error = share * np.maximum(size(*ports), least.get(kind, 0.0))
                 if kind not in claims:  # nothing but rounding, which `reduce` judges by this
                     error = error + ZERO * own(*ports)
                 E[i, j] = np.minimum(E[i, j], error)

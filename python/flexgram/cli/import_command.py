@@ -165,8 +165,9 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="input beside the interfaces, of a mesh or with --assemble: gravity=acceleration, "
         "weight=acceleration:0,0,-9.81, gas=pressure:NSET:piston, wind=traction:WHERE, "
-        "push=force:WHERE, turn=spin:x,y,z,ax,ay,az (point, axis), swing=angular_acceleration:x,y,z, "
-        "warm=temperature:WHERE, pull=nodal:table.csv (node, fx, fy, fz[, mx, my, mz])",
+        "push=force:WHERE, turn=spin:x,y,z,ax,ay,az (point, axis), "
+        "swing=angular_acceleration:x,y,z, warm=temperature:WHERE, "
+        "pull=nodal:table.csv (node, fx, fy, fz[, mx, my, mz])",
     )
     parser.add_argument(
         "--measure",

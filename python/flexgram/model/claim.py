@@ -77,6 +77,8 @@ class Claim:
     kinds, by_kind : list of str, (k,) array
         Largest bounds of displacement from force, rotation from moment and so on; empty if the
         tolerance was for H as a whole, or none was given.
+    kind_least : (k,) array
+        Errors of each are relative to its ‖H‖, or to this where it is larger, in the unit of H.
     kind_tolerances : (k,) array
         What was asked of each, where kinds have tolerances of their own; else empty.
     unclaimed : list of str
@@ -135,6 +137,7 @@ class Claim:
     unmet: Floats
     kinds: list[str]
     by_kind: Floats
+    kind_least: Floats
     kind_tolerances: Floats
     unclaimed: list[str]
     excluded: Floats
@@ -186,6 +189,7 @@ class Claim:
             unmet=array("error/unmet").reshape(-1, 2),
             kinds=words("error/kinds"),
             by_kind=by_kind,
+            kind_least=array("error/kind_least") if "error/kind_least" in fields else 0 * by_kind,
             kind_tolerances=array("error/kind_tolerances"),
             unclaimed=words("error/unclaimed"),
             excluded=array("error/excluded").reshape(-1, 2),

@@ -57,11 +57,11 @@ def _save_at(
                 "whole": body.claim.whole,
                 "attained": body.claim.attained,
                 "at": body.claim.attained_at,
+                "by_kind": body.claim.by_kind,
+                "kind_least": body.claim.kind_least,
             }.items():
                 if name in error.attrs:
                     error.attrs[name] = value
-            if "by_kind" in error:
-                error["by_kind"][...] = body.claim.by_kind
             if not len(body.claim.bound):
                 for name in ("bound", "floor", "data_rounding"):
                     if name in error:

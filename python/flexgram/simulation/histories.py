@@ -177,12 +177,14 @@ Verdict = HistoryAssessment
 
 @dataclass
 class _Block:
-    """A block of H with what is claimed of its error: ε, of it or of all of H."""
+    """A block of H with what is claimed of its error: ε, of it, or of ``least`` where that is
+    larger, or of all of H."""
 
     rows: Ints
     columns: Ints
     epsilon: float
     of_all: bool = False
+    least: float = 0.0
 
 
 def _blocks(model: ReducedBody) -> dict[str, list[_Block]]:
@@ -190,9 +192,10 @@ def _blocks(model: ReducedBody) -> dict[str, list[_Block]]:
     all_rows, all_columns = np.arange(len(model.outputs)), np.arange(len(model.inputs))
     if not len(model.claim.by_kind):
         return {"motion": [_Block(all_rows, all_columns, model.claim.whole)]}
+    claim = model.claim
     claims = {
-        tuple(kind.split(" from ")): float(e)
-        for kind, e in zip(model.claim.kinds, model.claim.by_kind, strict=True)
+        tuple(kind.split(" from ")): (float(e), float(least))
+        for kind, e, least in zip(claim.kinds, claim.by_kind, claim.kind_least, strict=True)
     }
     blocks: dict[str, list[_Block]] = {}
     inputs = [kind for kind in INPUT_KINDS if len(ports_of(model.inputs, kind))]
@@ -203,7 +206,8 @@ def _blocks(model: ReducedBody) -> dict[str, list[_Block]]:
         for kind in inputs:  # what is claimed of no kind is nothing but rounding
             columns = ports_of(model.inputs, kind)
             if (output, kind) in claims:
-                mine.append(_Block(rows, columns, claims[output, kind]))
+                epsilon, least = claims[output, kind]
+                mine.append(_Block(rows, columns, epsilon, least=least))
             elif model.claim.is_hidden(output, kind):
                 mine.append(_Block(rows, columns, model.claim.whole, True))
         others = np.setdiff1d(all_columns, known)
@@ -215,7 +219,8 @@ def _blocks(model: ReducedBody) -> dict[str, list[_Block]]:
 
 def _size(H: ComplexArray, block: _Block) -> float:
     """Norm of what the claim of a block is relative to."""
-    return float(np.linalg.norm(H if block.of_all else H[np.ix_(block.rows, block.columns)]))
+    own = float(np.linalg.norm(H if block.of_all else H[np.ix_(block.rows, block.columns)]))
+    return max(own, block.least)
 
 
 def _for_its_loads(model: ReducedBody) -> ReducedBody:
