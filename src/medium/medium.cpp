@@ -60,6 +60,23 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
   return result;
 }
 
+NaturalFrequencies natural_frequencies(const Medium& medium) {
+  const MediumLevel& level = medium.levels.back();
+  const Certificate::Modes modes = level.certificate->modes();
+  NaturalFrequencies result;
+  for (int k = medium.rigid; k < medium.rigid + medium.modes; ++k) {
+    const auto at = as_size(k);
+    const double lambda = std::max(level.response->lambda()[at], 0.0),
+                 least = std::max(1 / modes.largest_mu[at] - medium.tau, 0.0),
+                 rounding = level.certificate->rounding_of_mode(at) *
+                            (lambda + medium.tau) / std::max(lambda, 1e-300);
+    result.omega.push_back(std::sqrt(lambda));
+    result.error.push_back(1 - std::sqrt(least / std::max(lambda, 1e-300)) +
+                           0.5 * rounding + 1e-15);
+  }
+  return result;
+}
+
 double negligible_rounding(double target) {
   if (!(1e-3 * target > DenseSystem::finest)) return DenseSystem::finest;
   return std::pow(10, std::floor(std::log10(1e-3 * target) + 1e-9));

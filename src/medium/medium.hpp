@@ -102,6 +102,15 @@ struct Medium {
   std::vector<Resonance> resonances(const MediumLevel& level) const;
 };
 
+/// Elastic modes below the cutoff, without damping and terms.
+struct NaturalFrequencies {
+  std::vector<double> omega; ///< [rad/s] ascending
+  /// The body's are lower by no more, relative, and higher by no more than the rounding that this
+  /// has too (docs/proof.md, section 4).
+  std::vector<double> error;
+};
+NaturalFrequencies natural_frequencies(const Medium& medium);
+
 /// `both` is `pointwise` for a body without rigid modes, and for one with a damping matrix,
 /// which mixes rigid and elastic motion; else what was asked for.
 /// Of responses, relative: what does not count beside a bound of the medium model, a power of ten.

@@ -206,6 +206,9 @@ struct PythonMedium {
     f["cutoff"] = medium.cutoff;
     f["modes"] = medium.modes;
     f["rigid_modes"] = medium.rigid;
+    const auto [omega, error] = natural_frequencies(medium);
+    f["mode_omega"] = omega;
+    f["mode_error"] = error;
     f["inputs"] = medium.body.inputs;
     f["outputs"] = medium.body.outputs;
     f["body"] = medium.body.name;

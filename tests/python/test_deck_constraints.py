@@ -195,14 +195,14 @@ def test_points_of_mpc(tmp_path: Path) -> None:
         ("*EQUATION\n2\n40, 7, 1., 41, 1, 1.\n", "index out of range"),
         ("*EQUATION\n2\nNONE, 1, 1., 41, 1, 1.\n", "no node set NONE"),
         ("*EQUATION\n2\nSTART, 1, 1., END, 1, 1.\n*NSET, NSET=END\n1\n", "sets of"),
-        ("*EQUATION, INPUT=more.inp\n", "INPUT is not followed"),
+        ("*EQUATION, INPUT=more.inp\n", "INPUT is not supported"),
         (
             "*NSET, NSET=U, UNSORTED\n41, 40\n*EQUATION\n2\nU, 1, 1., END, 1, 1.\n",
             "order of node set U",
         ),
         ("*MPC\nPLANE, 1, 2, 3, 4\n", "only TIE and PIN"),
         ("*MPC\nBEAM, 40, 41\n", "says what BEAM may mean"),
-        ("*TIE, CYCLIC SYMMETRY\nA, B\n", "CYCLIC SYMMETRY is not followed"),
+        ("*TIE, CYCLIC SYMMETRY\nA, B\n", "CYCLIC SYMMETRY is not supported"),
         ("*TIE, NAME=T\nA, B\n", "two surfaces"),
         ("*TRANSFORM, NSET=END, TYPE=S\n1,0,0,0,1,0\n", "TYPE=R or C"),
         ("*TRANSFORM, NSET=START, TYPE=R\n1,0,0\n", "expected six numbers"),
@@ -217,7 +217,7 @@ def test_what_is_refused(model: str, words: str, tmp_path: Path) -> None:
 
 def test_equations_of_a_step(tmp_path: Path) -> None:
     path = deck(tmp_path / "bar.inp", "C3D8", held=HELD + "*EQUATION\n2\n40,1,1.,41,1,-1.\n")
-    with pytest.raises(BodyError, match=r"\*EQUATION in a step is not followed"):
+    with pytest.raises(BodyError, match=r"\*EQUATION in a step is not supported"):
         assemble_deck(path, tmp_path / "bar.h5", [parse("node", "tip=NODES:20")])
 
 

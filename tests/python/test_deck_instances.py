@@ -171,7 +171,7 @@ def test_what_is_refused(case: str, tmp_path: Path) -> None:
 
 def test_equations_of_a_part_are_refused(tmp_path: Path) -> None:
     path = deck(tmp_path / "a.inp", more="*Equation\n2\n1, 1, 1., 2, 1, -1.\n")
-    with pytest.raises(BodyError, match=r"EQUATION in instance BOX-1 is not followed"):
+    with pytest.raises(BodyError, match=r"EQUATION in instance BOX-1 is not supported"):
         assemble_deck(path, tmp_path / "b.h5", [])
 
 
@@ -288,10 +288,10 @@ SILENT: dict[str, tuple[str, str, str]] = {
         "*Transform, nset=Root, type=C\n0.,0.,0.,0.,0.,1.\n", "", "TRANSFORM in instance BOX-2"),
     "a number that is none": ("*Node\n90, abc, 0., 0.\n", "", "expected a label and a place"),
     "an option of a coupling": (
-        "", "surface=Tip_Face, influence radius=0.1", "INFLUENCE RADIUS is not followed"),
+        "", "surface=Tip_Face, influence radius=0.1", "INFLUENCE RADIUS is not supported"),
     "a weighting": (
         "", "surface=Tip_Face\n*Distributing, weighting method=QUADRATIC",
-        "WEIGHTING METHOD=QUADRATIC is not followed"),
+        "WEIGHTING METHOD=QUADRATIC is not supported"),
 }  # fmt: skip
 
 

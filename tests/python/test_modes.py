@@ -13,7 +13,7 @@ from test_superelements import reduced
 
 from bodies import box, write_body_file
 from conftest import assembled, run
-from flexgram import BodyError, Matrices, ReducedModel, reduce
+from flexgram import BodyError, Matrices, ReducedModel, certify, reduce
 from flexgram.measured.mode_shapes import compare, mac, mode_shapes, read_universal, write_universal
 
 pyuff = pytest.importorskip("pyuff")
@@ -288,3 +288,27 @@ def test_files_that_would_be_misread(
     measured.points[3] = np.nan
     with pytest.raises(BodyError, match=f"not of node {measured.labels[3]}"):
         compare(measured, mode_shapes(model))
+
+
+def test_modes_of_a_body(model: ReducedModel, full: dict[str, Any], tmp_path: Path) -> None:
+    """Without reducing it: all of them in the band, against SciPy's, with a bound of each."""
+    assert model.path is not None
+    path = model.path.parent / "beam.h5"
+    said = run("modes", path, "--band", f"10,{LAST}", "-o", tmp_path / "m.unv")
+    rows = [line.split() for line in said.out.splitlines() if " Hz   damping" in line]
+    inside = full["hertz"] <= LAST
+    assert inside.sum() > 3
+    np.testing.assert_allclose([float(row[1]) for row in rows], full["hertz"][inside], rtol=1e-5)
+    assert f"all modes from 10 to {LAST} Hz, counted by inertia" in said.out
+    assert len(pyuff.UFF(str(tmp_path / "m.unv")).read_sets()) == 2 + inside.sum()
+    medium = certify(path, (10, LAST), 0.1)
+    found = medium.mode_omega / (2 * np.pi)
+    slack = 1e-9  # of SciPy's
+    assert len(found) >= inside.sum()
+    theirs = full["hertz"][: len(found)]
+    assert np.all(theirs <= found * (1 + slack))
+    assert np.all(theirs >= found * (1 - medium.mode_error - slack))
+    refused = run("modes", path, expect=1)
+    assert "is a body that is not reduced: name the band" in refused.err
+    refused = run("modes", path, "--band", "1,2", expect=1)
+    assert "no elastic mode from 1 to 2 Hz" in refused.err

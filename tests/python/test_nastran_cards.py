@@ -91,7 +91,7 @@ def test_the_command_line(tmp_path: Path) -> None:
     (tmp_path / "p.bdf").write_text(plate(more))
     arguments = ("import", tmp_path / "p.bdf", "--assemble", "--node", "tip=NODES:90")
     said = run(*arguments, "-o", tmp_path / "p.h5", expect=1).err
-    assert "CGAP (1): not followed" in said
+    assert "CGAP (1): not supported" in said
     said = run(*arguments, "--ignore", "CGAP", "-o", tmp_path / "p.h5").out
     assert "passed over: CGAP (1)" in said and "left out: FORCE (1)" in said
     assert "interface tip: node" in said and "0 of 6 rigid motions are free" in said
@@ -118,7 +118,7 @@ def test_the_command_line(tmp_path: Path) -> None:
          "90 is held by an SPC"),
         (plate("RBE3,92,,50,123456,1.0,123,80,90\n"), "RBE3 92: its grids lie on a line"),
         (plate("RBE3,92,,10,123456,1.0,123,80,90,50\n"), "its grid 10 is held"),
-        (plate("DMIG,KX,0,6,1,0\nDMIG,KX,50,1,,50,1,1.+5\n"), r"DMIG \(\d\): not followed"),
+        (plate("DMIG,KX,0,6,1,0\nDMIG,KX,50,1,,50,1,1.+5\n"), r"DMIG \(\d\): not supported"),
         (plate("CELAS1,93,7,50,3\n"), "CELAS1 93: its property is missing"),
         (plate("CTUBE,93,7,50,90\nPTUBE,7,1,0.02,0.002,,0.03\n"), "PTUBE 7: it tapers"),
         (plate("CTUBE,93,7,50,90\nPTUBE,7,1,0.02,0.02\n"), "thinner than its radius"),
@@ -126,7 +126,7 @@ def test_the_command_line(tmp_path: Path) -> None:
         (plate("CBUSH,93,7,50,90\nPBUSH,7,K,1.+5,2.+5\n"), "across its line its axes are not"),
         (plate("CQUAD4,93,1,10,20,50,40,7\nCORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n",
                material="MAT8,1,1.+11,1.+10,0.3,1.+10,,,1600.\n"), "MCID. are cylin"),
-        (plate(prop="PCOMP,1,,,,,,,MEM\n,1,0.01,0.\n"), "LAM = MEM is not followed"),
+        (plate(prop="PCOMP,1,,,,,,,MEM\n,1,0.01,0.\n"), "LAM = MEM is not supported"),
         (plate().replace("BEGIN BULK", "PARAM,WTMASS,0.x\nBEGIN BULK"), "PARAM,WTMASS of case"),
         (plate().replace("BEGIN BULK", "SUBCASE 1\nPARAM,G,0.1\nSUBCASE 2\nPARAM,G,.2\nBEGIN BULK"),
          "PARAM,G of case control differs"),

@@ -346,7 +346,7 @@ def test_a_shell_with_heat(tmp_path: Path) -> None:
 
 
 def test_the_command_line(tmp_path: Path) -> None:
-    """Without the option the loads are named, with it they are inputs; cards that are not followed
+    """Without the option the loads are named, with it they are inputs; cards that are not supported
     leave out their set."""
     (tmp_path / "b.bdf").write_text(with_cards("FORCE,1,5,,1.,1.\nACCEL1,2,,9.81,0.,0.,1.\n,5\n"))
     said = run("import", tmp_path / "b.bdf", "--assemble", "--node", "tip=NODES:5", "-o",
@@ -354,7 +354,7 @@ def test_the_command_line(tmp_path: Path) -> None:
     assert "loads of the deck are left out: ACCEL1 (1), FORCE (1) (--deck-loads makes" in said.out
     said = run("import", tmp_path / "b.bdf", "--assemble", "--node", "tip=NODES:5", "--deck-loads",
                "-o", tmp_path / "b.h5")  # fmt: skip
-    assert "load 2 is left out: ACCEL1 (1) is not followed" in said.out
+    assert "load 2 is left out: ACCEL1 (1) is not supported" in said.out
     with h5py.File(tmp_path / "b.h5") as file:
         assert list(file["loads"]) == ["load1"]
     run(

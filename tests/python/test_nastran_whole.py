@@ -371,7 +371,7 @@ def test_what_is_passed_over_with_words(tmp_path: Path) -> None:
     held = body_of(tmp_path, bars(PLAIN).replace("ENDDATA", "SPC,1,3,3,0.\nENDDATA"))
     assert abs(a["K"] - held["K"]).max() == 0
     warm = bars(PLAIN).replace("SPC = 1", "SPC = 1\nTEMPERATURE(MATERIAL) = 3")
-    with pytest.raises(BodyError, match=r"MATT1 \(1\), TABLEM1 \(1\): not followed"):
+    with pytest.raises(BodyError, match=r"MATT1 \(1\), TABLEM1 \(1\): not supported"):
         body_of(tmp_path, warm.replace("ENDDATA", cards + "ENDDATA"))
 
 

@@ -105,7 +105,7 @@ def test_facts_of_a_mass_beside_its_node(tmp_path: Path) -> None:
 def test_the_frame_of_a_mass_beside_its_node(ranks: int, tmp_path: Path) -> None:
     """A floating body's mass and centre are those of the same mass at the reference of a rigid
     interface, which lies there, and so is what its shapes move; of the deformed body it is told
-    that the arm is not followed."""
+    that the arm is not supported."""
     found = []
     for more in (
         {"masses": {"disc": {"nodes": [5], "mass": 3.0, "offset": [0.0, 0.1, 0.05]}}},

@@ -128,7 +128,7 @@ def test_elements_of_the_same_kind(tmp_path: Path) -> None:
     [
         (",ORIENTATION=O1", "there is no orientation O1"),
         (",COMPOSITE", "it names no material; there are STEEL"),
-        (",STACK DIRECTION=1", "STACK DIRECTION is not followed by --assemble"),
+        (",STACK DIRECTION=1", "STACK DIRECTION is not supported by --assemble"),
         (",OFFSET=half", "an OFFSET in thicknesses"),
     ],
 )

@@ -78,7 +78,7 @@ def plates(parts: Sequence[Plate]) -> dict[str, Any]:
     I_y = sum(p.width * p.height**3 / 12 + p.area * (p.z - z0) ** 2 for p in parts)
     I_z = sum(p.height * p.width**3 / 12 + p.area * (p.y - y0) ** 2 for p in parts)
     if abs(sum(p.area * (p.y - y0) * (p.z - z0) for p in parts)) > 1e-9 * (I_y + I_z):
-        raise BodyError("I12 is not followed: take principal axes")
+        raise BodyError("I12 is not supported: take principal axes")
     J = sum(max(p.width, p.height) * min(p.width, p.height) ** 3 / 3 for p in parts)
     along_y = sum(p.area for p in parts if p.width > p.height)
     shares = (along_y / A or 5 / 6, (A - along_y) / A or 5 / 6)

@@ -365,8 +365,9 @@ COMMANDS: dict[
         run_frf,
     ),
     "modes": (
-        "natural modes of a reduced body, beside measured ones: table, universal file, MAC",
+        "natural modes of a body, beside measured ones: table, universal file, MAC",
         "flexgram modes rom.h5 -o modes.unv\n"
+        "  flexgram modes body.h5 --band 10,500\n"
         "  flexgram modes rom.h5 --measured test.unv -o mac.png",
         modes_options,
         run_modes,

@@ -5,8 +5,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from flexgram.basics import BodyError, check_name, say, written_aside
+from flexgram.basics import BodyError, Floats, check_name, say, written_aside
+
+if TYPE_CHECKING:
+    from flexgram.reduced_model import ReducedModel
 
 
 def couple_options(parser: argparse.ArgumentParser) -> None:
@@ -177,7 +181,12 @@ def run_frf(options: argparse.Namespace) -> None:
 
 
 def modes_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("rom", type=Path, help="reduced file")
+    parser.add_argument("rom", type=Path, help="reduced file, or with --band a body file")
+    parser.add_argument(
+        "--band",
+        metavar="FIRST,LAST",
+        help="of a body that is not reduced: its modes from here to there [Hz], all of them",
+    )
     parser.add_argument(
         "--measured",
         type=Path,
@@ -197,6 +206,42 @@ def modes_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _modes_of_body(path: Path, band: str) -> tuple[ReducedModel, Floats]:
+    """The modes of a body below the end of a band as a reduced body, and how much lower at most,
+    relative, each frequency of the body is in the band."""
+    import warnings
+
+    import numpy as np
+
+    from flexgram.basics import ReductionWarning
+    from flexgram.importers.interfaces import numbers
+    from flexgram.reduction.medium import certify
+
+    first, last = numbers("--band", band, 2).tolist()
+    medium = certify(path, (first, last), 0.1)
+    hertz = medium.mode_omega / (2 * np.pi)
+    inside = (hertz >= first) & (hertz <= last)
+    if not inside.any():
+        raise BodyError(
+            f"{path}: no elastic mode from {first:g} to {last:g} Hz"
+            + (f"; the next one is at {hertz.min():.6g} Hz" if len(hertz) else "")
+        )
+    with warnings.catch_warnings():  # nobody looks at its H
+        warnings.simplefilter("ignore", ReductionWarning)
+        model = medium.reduce(order=medium.rigid_modes + medium.modes, method="modal")
+    return model, medium.mode_error[inside]
+
+
+def _is_body(path: Path) -> bool:
+    import h5py
+
+    try:
+        with h5py.File(path) as file:
+            return "error" not in file and ("mesh" in file or "K" in file)
+    except OSError:
+        return False
+
+
 def run_modes(options: argparse.Namespace) -> None:
     import numpy as np
 
@@ -209,7 +254,16 @@ def run_modes(options: argparse.Namespace) -> None:
             f"-o {options.output}: .unv or .csv; a picture is of the MAC and needs "
             "--measured (of the shapes: flexgram plot --figure shapes)"
         )
-    model = ReducedModel.load(options.rom)
+    error = np.empty(0)
+    if options.band is None and _is_body(options.rom):
+        raise BodyError(
+            f"{options.rom} is a body that is not reduced: name the band of its modes (--band "
+            "10,500)"
+        )
+    if options.band is None:
+        model = ReducedModel.load(options.rom)
+    else:
+        model, error = _modes_of_body(options.rom, options.band)
     shapes = bool(options.measured) or suffix in (".unv", ".uff")
     modes = ms.mode_shapes(model, options.body, options.hz, at_nodes=shapes)
     band = model.claim.band / (2 * np.pi)
@@ -223,7 +277,12 @@ def run_modes(options: argparse.Namespace) -> None:
     if modes.effective_mass is not None:
         total = " ".join(f"{x:.4g}" for x in modes.effective_mass.sum(axis=0))
         say(f"  effective mass of these modes in x, y, z: {total} kg")
-    say("  the claim is of H at the ports: modes that they hardly drive or show may be missing")
+    if options.band is None:
+        say("  the claim is of H at the ports: modes that they hardly drive or show may be missing")
+    else:
+        least = f"{max(float(error.max(initial=0)), 1e-15):.1e}"
+        said = f"  all modes from {band[0]:g} to {band[1]:g} Hz, counted by inertia"
+        say(f"{said}; frequencies of the body are lower by {least} at most (certified)")
     if model.system.is_gyroscopic:
         say(
             "  gyroscopic forces are left out: with them frequencies split and shapes whirl "

@@ -106,7 +106,7 @@ def _refuse_others(job: Job) -> None:
     for card in job.model:
         if card.keyword not in READ | PASSED:
             raise BodyError(
-                f"{job.path}: *{card.keyword} is not followed by --assemble: take --run-ccx"
+                f"{job.path}: *{card.keyword} is not supported by --assemble: take --run-ccx"
             )
         kind = card.options.get("TYPE", "").upper()
         known = (*ELEMENTS, *BENDING, *SHELLS, *BEAMS, *TRUSSES, *TYPES)
@@ -258,7 +258,7 @@ def assemble_deck(
     if deck.directed:
         raise BodyError(
             f"{path}: beam {deck.directed[0]} has a further node, for its direction 1, which is "
-            "not followed: write the direction under *BEAM SECTION"
+            "not supported: write the direction under *BEAM SECTION"
         )
     number = frequency_step(job, step)
     cards = job.step_of(number or 1) if job.steps else []

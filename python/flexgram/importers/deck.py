@@ -192,7 +192,7 @@ def _lines(source: Iterable[Line]) -> Iterator[Line]:
         yield begun
 
 
-#: Cards that make or move nodes in ways that are not followed here.
+#: Cards that make or move nodes in ways that are not supported here.
 UNKNOWN_NODES = ("NGEN", "NFILL", "NCOPY", "SYSTEM", "NMAP")
 
 

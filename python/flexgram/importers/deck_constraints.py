@@ -29,11 +29,11 @@ def equations_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
     Raises
     ------
     BodyError
-        For equations that are not, and kinds of *MPC that are not followed.
+        For equations that are not, and kinds of *MPC that are not supported.
     """
     for cards in job.steps:
         if some := [card.keyword for card in cards if card.keyword in CARDS]:
-            raise BodyError(f"{job.path}: *{some[0]} in a step is not followed: --run-ccx knows it")
+            raise BodyError(f"{job.path}: *{some[0]} in a step is not supported (--run-ccx)")
     found: dict[str, dict[str, Any]] = {}
     axes = axes_of_nodes(job, deck)
     for keyword, read in (("EQUATION", _equations), ("MPC", _points)):
@@ -54,7 +54,7 @@ def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> 
     some in a line."""
     where = f"{job.path}: *EQUATION"
     if card.options:
-        raise BodyError(f"{where}: {next(iter(card.options))} is not followed: --run-ccx knows it")
+        raise BodyError(f"{where}: {next(iter(card.options))} is not supported: --run-ccx knows it")
     unsorted = {
         of.options["NSET"].upper()
         for of in job.model
@@ -106,7 +106,7 @@ def _points(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> lis
             raise BodyError(f"{where}: name two nodes")
         first, second = int(words[1]), int(words[2])
         if {first, second} & set(axes):
-            raise BodyError(f"{where}: its nodes have axes of their own (*TRANSFORM): not followed")
+            raise BodyError(f"{where}: axes of its nodes (*TRANSFORM) are not supported")
         a, b = deck.index(job.path, first) + 1, deck.index(job.path, second) + 1
         turns = {first, second} <= turning and kind != "PIN"
         for c in range(6 if turns else 3):
@@ -120,7 +120,7 @@ def ties_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
     Raises
     ------
     BodyError
-        For surfaces that are not there, and options that are not followed.
+        For surfaces that are not there, and options that are not supported.
     """
     cards = [card for card in job.model if card.keyword == "TIE"]
     surfaces = nodes_of_surfaces(job, deck) if cards else {}
@@ -129,7 +129,7 @@ def ties_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
         name = card.options.get("NAME", f"tie{number}").lower()
         where = f"{job.path}: *TIE ({name})"
         if others := sorted(set(card.options) - OPTIONS):
-            raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
+            raise BodyError(f"{where}: {others[0]} is not supported by --assemble: take --run-ccx")
         for row, words in enumerate((w for w in card.words() if any(w)), 1):
             names = [word.upper() for word in words if word]
             if len(names) != 2 or not set(names) <= set(surfaces):

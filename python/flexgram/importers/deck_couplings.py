@@ -81,7 +81,7 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
     Raises
     ------
     BodyError
-        For those that are not followed.
+        For those that are not supported.
     """
     used = {n for _, nodes in deck.elements.values() for n in nodes}
     turning = deck.turning()
@@ -104,7 +104,7 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
         if references.count(coupling.reference) > 1:
             raise BodyError(f"{where}: node {coupling.reference} is the reference of another, too")
         if set(coupling.nodes) & set(references):
-            raise BodyError(f"{where}: moves the reference of another: chains are not followed")
+            raise BodyError(f"{where}: moves the reference of another: chains are not supported")
     return found
 
 
@@ -118,7 +118,7 @@ def _rigid(job: Job, deck: Deck, card: Card, used: Collection[int], turning: set
     name = card.options[given[0]].upper() if given else ""
     where = f"{job.path}: *RIGID BODY ({name or 'without NSET'})"
     if others := sorted(set(card.options) - {*given[:1], "REF NODE", "ROT NODE"}):
-        raise BodyError(f"{where}: {others[0]} is not followed by --assemble")
+        raise BodyError(f"{where}: {others[0]} is not supported by --assemble")
     if "REF NODE" not in card.options or name not in deck.sets:
         raise BodyError(f"{where}: needs a REF NODE, and a node or element set that is there")
     turn = card.options.get("ROT NODE")
@@ -147,10 +147,10 @@ def _coupling(
         raise BodyError(f"{where}: needs a REF NODE, and a SURFACE that is there")
     known = {"CONSTRAINT NAME", "SURFACE", "REF NODE"}
     if others := sorted(set(card.options) - known):
-        raise BodyError(f"{where}: {others[0]} is not followed by --assemble")
+        raise BodyError(f"{where}: {others[0]} is not supported by --assemble")
     weighting = kind.options.get("WEIGHTING METHOD", "UNIFORM").upper()
     if weighting != "UNIFORM":
-        raise BodyError(f"{where}: WEIGHTING METHOD={weighting} is not followed by --assemble")
+        raise BodyError(f"{where}: WEIGHTING METHOD={weighting} is not supported by --assemble")
     directions: set[int] = set()
     for words in kind.words():
         rows = [int(word) for word in words if word]

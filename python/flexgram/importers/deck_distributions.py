@@ -73,7 +73,7 @@ def distributions_of(job: Job) -> dict[str, Distribution]:
                     default = numbers
         except ValueError:
             raise BodyError(
-                f"{where}: expected rows of an element and numbers; sets are not followed"
+                f"{where}: expected rows of an element and numbers; sets are not supported"
             ) from None
         rows = [*of.values(), *([] if default is None else [default])]
         if not rows or len({len(row) for row in rows}) > 1 or not len(rows[0]):

@@ -23,7 +23,7 @@ NAMES = ("NSET", "ELSET", "NAME", "SURFACE", "ORIENTATION", "SHELL THICKNESS")
 INSTANCE = re.compile(r"\s*\*\s*INSTANCE\b", re.IGNORECASE)
 #: Cards of which NAME is nothing of the part.
 GLOBAL = ("MATERIAL", "AMPLITUDE")
-#: Cards of a part with rows of nodes, which are not followed; and with directions, not turned.
+#: Cards of a part with rows of nodes, which are not supported; and with directions, not turned.
 ROWS = ("EQUATION", "MPC", "TIE")
 TURNED = ("BEAM SECTION", "BEAM GENERAL SECTION", "TRANSFORM", "SPRING")
 #: Cards whose first column names nodes, elements or sets.
@@ -183,7 +183,7 @@ def _own(instance: Instance, card: Card) -> Card:
         or card.options.get("DEFINITION", "COORDINATES").upper() != "COORDINATES"
         or (instance.turns and card.keyword == "DISTRIBUTION" and _has_directions(card))
     ):
-        raise card.wrong(f"in instance {instance.name} is not followed; write a flat deck")
+        raise card.wrong(f"in instance {instance.name} is not supported; write a flat deck")
     options = dict(card.options)
     for key in NAMES:
         if options.get(key) and not (key == "NAME" and card.keyword in GLOBAL):
@@ -231,7 +231,7 @@ def _common(instances: dict[str, Instance], more: int, card: Card) -> Card:
     rows = _renamed(card, of)
     if card.keyword in ("EQUATION", "MPC"):
         if more:
-            raise card.wrong("beside nodes of the assembly of equal numbers is not followed")
+            raise card.wrong("beside nodes of the assembly of equal numbers is not supported")
         rows = [[of(word) if "." in word else word for word in row] for row in rows]
     return Card(card.at, card.keyword, options, rows)
 
@@ -242,7 +242,7 @@ def flat(path: Path) -> list[Line] | None:
     Raises
     ------
     BodyError
-        For parts and instances that are not there, and what of a part is not followed.
+        For parts and instances that are not there, and what of a part is not supported.
     """
     if not any(INSTANCE.match(line) for _, _, line in raw_lines(path)):
         return None

@@ -57,11 +57,11 @@ def beam_section(job: Job, card: Card, *, abaqus: bool) -> dict[str, Any]:
     Raises
     ------
     BodyError
-        For shapes and options that are not followed.
+        For shapes and options that are not supported.
     """
     where = where_of(job, card)
     if others := sorted(set(card.options) - OPTIONS):
-        raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
+        raise BodyError(f"{where}: {others[0]} is not supported by --assemble: take --run-ccx")
     rows = _rows(where, card)
     shape = card.options.get("SECTION", "GENERAL" if own_material(card) else "").upper()
     sizes = rows[0] if rows else []
@@ -69,7 +69,7 @@ def beam_section(job: Job, card: Card, *, abaqus: bool) -> dict[str, Any]:
         entry = _general(where, shape, sizes)
     elif len(sizes) not in SHAPES.get(shape, ()):
         raise BodyError(
-            f"{where}: SECTION={shape} with {len(sizes)} numbers is not followed; "
+            f"{where}: SECTION={shape} with {len(sizes)} numbers is not supported; "
             f"{', '.join(SHAPES)} are, with "
             + ", ".join(" or ".join(map(str, counts)) for counts in SHAPES.values())
         )
@@ -103,7 +103,7 @@ def _general(where: str, shape: str, sizes: list[float]) -> dict[str, Any]:
         raise BodyError(f"{where}: SECTION=GENERAL with A, I11, I12, I22 and J is followed")
     A, I11, I12, I22, J = sizes[:5]
     if abs(I12) > 1e-9 * (I11 + I22):
-        raise BodyError(f"{where}: I12 is not followed: take principal axes")
+        raise BodyError(f"{where}: I12 is not supported: take principal axes")
     return general(A, I11, I22, J)
 
 
@@ -128,7 +128,7 @@ def _box(where: str, sizes: list[float]) -> dict[str, Any]:
     """Width along 1 and height along 2; walls: right, top, left, bottom."""
     b, h, right, top, left, bottom = sizes
     if abs(right - left) > 1e-9 * b or abs(top - bottom) > 1e-9 * h:
-        raise BodyError(f"{where}: BOX with different opposite walls is not followed")
+        raise BodyError(f"{where}: BOX with different opposite walls is not supported")
     if not (b > 2 * right and h > 2 * top):
         raise BodyError(f"{where}: the walls of its BOX leave no hollow")
     return box(b, h, right, top)

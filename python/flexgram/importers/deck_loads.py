@@ -79,7 +79,7 @@ def _offset(card: Card) -> float:
 
 
 class LeftOut(Exception):
-    """A load that is not followed here, and why."""
+    """A load that is not supported here, and why."""
 
 
 class _Deck:
@@ -242,7 +242,7 @@ class _Deck:
 
 
 def _distributed(deck: _Deck, card: Card, row: list[str], spun: set[int]) -> Floats | None:
-    """Forces of a row of ``*DLOAD``; None: of a kind that is not followed here. ``spun`` gains the
+    """Forces of a row of ``*DLOAD``; None: of a kind that is not supported here. ``spun`` gains the
     elements that a centrifugal load of the step acts on: of several ccx takes the first."""
     kind = row[1].upper()
     value = deck.number(card, row, 2)

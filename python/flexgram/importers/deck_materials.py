@@ -63,7 +63,7 @@ def _elastic(job: Job, card: Card) -> dict[str, Any]:
     if kind in ("ANISO", "ANISOTROPIC"):
         return {"stiffness": _anisotropic(_numbers(job, card, 21))}
     if kind not in ("ORTHO", "ORTHOTROPIC"):
-        raise BodyError(f"{job.path}: *ELASTIC, TYPE={kind}: not followed; --run-ccx knows more")
+        raise BodyError(f"{job.path}: *ELASTIC, TYPE={kind}: not supported; --run-ccx knows more")
     c11, c12, c22, c13, c23, c33, *shear = _numbers(job, card, 9)
     try:
         S = np.linalg.inv([[c11, c12, c13], [c12, c22, c23], [c13, c23, c33]])
@@ -246,7 +246,7 @@ def orientations_of(job: Job) -> dict[str, Orientation]:
                 "others"
             )
         if others := sorted(set(card.options) - {"NAME", "SYSTEM", "DEFINITION"}):
-            raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
+            raise BodyError(f"{where}: {others[0]} is not supported by --assemble: take --run-ccx")
         rows = [[word for word in row if word] for row in card.words()]
         named = None
         if rows and len(rows[0]) == 1:
@@ -269,7 +269,7 @@ def orientations_of(job: Job) -> dict[str, Orientation]:
             angle = float(np.radians(turn[1])) if len(turn) > 1 else 0.0
         if named is not None:
             if system.startswith("C"):
-                raise BodyError(f"{where}: a *DISTRIBUTION of cylindrical systems is not followed")
+                raise BodyError(f"{where}: a *DISTRIBUTION of cylindrical systems is not supported")
             found[name] = Orientation(np.eye(3), False, named, about, angle)
             continue
         if system.startswith("C"):

@@ -63,7 +63,7 @@ def _property(job: Job, card: Card) -> list[list[float]]:
     where = f"{job.path}: *{card.keyword}"
     others = [o for o in card.options if o not in ("ELSET", "SPRING CONSTANT", "DASHPOT CONSTANT")]
     if others:
-        raise BodyError(f"{where} with {others[0]} is not followed by --assemble: take --run-ccx")
+        raise BodyError(f"{where} with {others[0]} is not supported by --assemble: take --run-ccx")
     try:
         rows = [[float(word) for word in words if word] for words in card.words()]
     except ValueError:

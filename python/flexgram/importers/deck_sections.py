@@ -96,7 +96,7 @@ def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str
             continue
         where = f"{job.path}: *{card.keyword}, ELSET={card.options.get('ELSET', '')}"
         if others := sorted(set(card.options) - OPTIONS):
-            raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
+            raise BodyError(f"{where}: {others[0]} is not supported by --assemble: take --run-ccx")
         rows = [words for words in card.words() if any(words)]
         entry: dict[str, Any] = {"shape": "shell"}
         if "COMPOSITE" in card.options:
@@ -130,7 +130,7 @@ def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str
         for own, thickness in set(_thicknesses(job, deck, known, card, region).values()):
             if "layers" in entry:
                 raise BodyError(
-                    f"{where}: SHELL THICKNESS scales its layers, which is not followed"
+                    f"{where}: SHELL THICKNESS scales its layers, which is not supported"
                 )
             found[own] = entry | {
                 "thickness": thickness,
@@ -149,7 +149,7 @@ def _layer(where: str, row: list[str]) -> dict[str, Any]:
     except ValueError:
         raise BodyError(
             f"{where}: expected layers of a thickness, a number of points, a material, and an "
-            "angle; orientations of layers by name are not followed"
+            "angle; orientations of layers by name are not supported"
         ) from None
     return layer
 

@@ -228,7 +228,7 @@ class BulkDeck:
         if alters:
             self.remarks.append(
                 f"files of executive control are not read: {', '.join(alters)}; what they alter is "
-                "not followed"
+                "not supported"
             )
         self.labels = np.array(sorted(model.nodes), dtype=np.int64)
         if not len(self.labels):
@@ -241,9 +241,9 @@ class BulkDeck:
         if followed := sorted(self.ignore & READ):
             raise BodyError(f"{self.path}: --ignore {followed[0]}: it is followed")
         if self.model.superelement_models:
-            raise BodyError(f"{self.path}: superelements (BEGIN SUPER) are not followed")
+            raise BodyError(f"{self.path}: superelements (BEGIN SUPER) are not supported")
         if names := sorted(self.cases() & {"K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP"}):
-            raise BodyError(f"{self.path}: {names[0]} of case control is not followed")
+            raise BodyError(f"{self.path}: {names[0]} of case control is not supported")
         unknown = {
             card: n
             for card, n in counts.items()
@@ -261,7 +261,7 @@ class BulkDeck:
         if unknown:
             said = ", ".join(f"{card} ({n})" for card, n in sorted(unknown.items()))
             raise BodyError(
-                f"{self.path}: {said}: not followed, and may say something of stiffness or mass; "
+                f"{self.path}: {said}: not supported, and may say something of stiffness or mass; "
                 "--ignore CARD passes over one"
             )
         if passed := sorted(self.ignore & set(counts)):

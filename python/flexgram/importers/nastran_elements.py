@@ -180,7 +180,7 @@ class Elements:
         if prop.mid_ref is not None and prop.mid_ref.type == "MAT9":
             return self._region(f"p{prop.pid}", self.materials.of_solid(prop))
         if prop.mid_ref is not None and prop.mid_ref.type != "MAT1":
-            raise self.deck.refuse("PSOLID", prop.pid, f"{prop.mid_ref.type} is not followed")
+            raise self.deck.refuse("PSOLID", prop.pid, f"{prop.mid_ref.type} is not supported")
         return self._region(f"p{prop.pid}", self.materials.of(prop.pid, prop.mid_ref))
 
     def _shell(self, number: int, element: Any) -> str:
@@ -205,7 +205,7 @@ class Elements:
             material = ""
             has_fibres = any(m.type in ("MAT2", "MAT8") for m in prop.mids_ref)
             if prop.lam not in (None, "", "NO", "SYM"):
-                raise self.deck.refuse("PCOMP", prop.pid, f"LAM = {prop.lam} is not followed")
+                raise self.deck.refuse("PCOMP", prop.pid, f"LAM = {prop.lam} is not supported")
             loss = float(prop.ge or 0.0)  # those of its plies do not count
             plies = list(zip(prop.mids_ref, prop.thicknesses, prop.thetas, strict=True))
             if prop.lam == "SYM":
@@ -274,7 +274,7 @@ class Elements:
         frames = str(element.offt)[1:3] if isinstance(element.offt, str) else "GG"
         for k, grid in enumerate(grids):
             if offsets[k].any() and frames[k : k + 1] == "O":
-                raise self.deck.refuse(kind, number, f"OFFT = {element.offt} is not followed")
+                raise self.deck.refuse(kind, number, f"OFFT = {element.offt} is not supported")
             offsets[k] = offsets[k] @ self.deck.axes(grid)
         ends = [self.deck.points[self.deck.at(n)] + w for n, w in zip(grids, offsets, strict=True)]
         if element.g0:
@@ -380,12 +380,12 @@ class Elements:
         if not prop.mid1_ref or prop.mid2 in (None, 0, -1):
             raise self.deck.refuse("PSHELL", prop.pid, "MID1 or MID2 is blank: no plate")
         if prop.mid4:
-            raise self.deck.refuse("PSHELL", prop.pid, "MID4 is not followed")
+            raise self.deck.refuse("PSHELL", prop.pid, "MID4 is not supported")
         bending = 1.0 if prop.twelveIt3 is None else float(prop.twelveIt3)
         shear = 5 / 6
         if prop.mid3:
             if prop.mid3 != prop.mid1 and prop.mid3_ref.type == "MAT2":
-                raise self.deck.refuse("PSHELL", prop.pid, "MAT2 as MID3 is not followed")
+                raise self.deck.refuse("PSHELL", prop.pid, "MAT2 as MID3 is not supported")
             shear = 5 / 6 if prop.tst is None else float(prop.tst)
             if prop.mid3 == prop.mid1:
                 shear *= own_shear(prop.mid3_ref) or 1.0

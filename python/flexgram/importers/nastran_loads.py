@@ -117,7 +117,7 @@ class LoadSets:
         Raises
         ------
         _LeftOut
-            If one of its cards is not followed.
+            If one of its cards is not supported.
         """
         self.forces[:] = 0
         self.gravity[:] = 0
@@ -139,7 +139,7 @@ class LoadSets:
         unknown = Counter(card.type for card in cards if card.type not in makers)
         if unknown:
             said = ", ".join(f"{kind} ({n})" for kind, n in sorted(unknown.items()))
-            raise _LeftOut(f"{said} is not followed")
+            raise _LeftOut(f"{said} is not supported")
         for card, factor in zip(cards, factors, strict=True):
             makers[card.type](card, float(factor))
 
@@ -423,7 +423,7 @@ class LoadSets:
         others = Counter(card.type for card in cards if card.type != "TEMP")
         if others:
             said = ", ".join(f"{kind} ({n})" for kind, n in sorted(others.items()))
-            raise _LeftOut(f"{said} is not followed")
+            raise _LeftOut(f"{said} is not supported")
         without = [name for name, of in self.elements.materials.entries.items()
                    if "expansion" not in of]  # fmt: skip
         if without:

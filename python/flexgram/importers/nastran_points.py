@@ -91,11 +91,11 @@ class PointElements:
         if prop.type != "PBUSH":
             raise self.deck.refuse("CBUSH", number, "only PBUSH is followed")
         if element.ocid not in (-1, None) or getattr(prop, "mass", None):
-            raise self.deck.refuse("CBUSH", number, "OCID and M are not followed")
+            raise self.deck.refuse("CBUSH", number, "OCID and M are not supported")
         if len(nodes) == 2 and element.s not in (None, 0.5):
             a, b = (self.deck.at(n) for n in nodes)
             if np.any(self.deck.points[a] != self.deck.points[b]):
-                raise self.deck.refuse("CBUSH", number, "S other than 0.5 is not followed")
+                raise self.deck.refuse("CBUSH", number, "S other than 0.5 is not supported")
         K = [float(x or 0.0) for x in (list(prop.Ki) + 6 * [0.0])[:6]]
         B = [float(x or 0.0) for x in (list(prop.Bi) + 6 * [0.0])[:6]]
         both = np.kron(np.eye(2), self._axes_of_bush(number, element, nodes, any([*K[1:], *B[1:]])))
@@ -232,7 +232,7 @@ class PointElements:
             M[component - 1, component - 1] = float(mass.Mass())
             axes = self.deck.axes(label)
         else:
-            raise self.deck.refuse(mass.type, number, "it is not followed")
+            raise self.deck.refuse(mass.type, number, "it is not supported")
         both = np.kron(np.eye(2), axes)
         M = wtmass * both.T @ M @ both
         if np.any(M):

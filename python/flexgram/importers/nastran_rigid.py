@@ -56,7 +56,7 @@ class RigidElements:
                     (int(n), str(c)) for n, c in zip(card.node_ids, card.components, strict=True)
                 ]
             else:
-                raise BodyError(f"{self.deck.path}: {card.type} is not followed")
+                raise BodyError(f"{self.deck.path}: {card.type} is not supported")
             for n, components in pairs:
                 if n in self.elements.scalars:
                     entry = {"nodes": [self.elements.scalars[n]], "components": ["x"]}

@@ -13,7 +13,7 @@ from flexgram.body.beam_shapes import Plate, box, general, i_beam, plates, turne
 from flexgram.body.reader import Reader
 from flexgram.body.sections import section_properties
 
-#: What a PBEAM may say that is not followed: neutral axes and masses beside the shear centre,
+#: What a PBEAM may say that is not supported: neutral axes and masses beside the shear centre,
 #: inertia of masses, warping.
 BESIDE = ("n1a", "n1b", "n2a", "n2b", "m1a", "m1b", "m2a", "m2b", "nsia", "nsib", "cwa", "cwb")
 
@@ -62,7 +62,7 @@ def beam_section(prop: Any, place: float = 0.0) -> dict[str, Any]:
     Raises
     ------
     BodyError
-        For what is not followed, without the place.
+        For what is not supported, without the place.
     """
     if prop.type in ("PBARL", "PBEAML"):
         return _of_shape(prop, place)
@@ -71,7 +71,7 @@ def beam_section(prop: Any, place: float = 0.0) -> dict[str, Any]:
     if prop.type == "PBEAM":
         for key in BESIDE:
             if np.any(np.abs(np.ravel(getattr(prop, key, 0.0) or 0.0)) > 0):
-                raise BodyError(f"{key.upper()} is not followed")
+                raise BodyError(f"{key.upper()} is not supported")
         A, I1, I2, I12, J = (
             float(along(prop, np.ravel(getattr(prop, key)), place))
             for key in ("A", "i1", "i2", "i12", "j")
@@ -85,7 +85,7 @@ def beam_section(prop: Any, place: float = 0.0) -> dict[str, Any]:
     turn = 0.0
     if abs(I12) > 1e-9 * (I1 + I2):
         if abs(k1 - k2) > 1e-6:
-            raise BodyError("I12 with two different K1 and K2 is not followed")
+            raise BodyError("I12 with two different K1 and K2 is not supported")
         (I2, I1), axes = np.linalg.eigh([[I1, I12], [I12, I2]])
         turn = math.atan2(axes[1, 1], axes[0, 1])
     if not min(A, I1, I2, J) > 0:
@@ -194,8 +194,8 @@ def _of_shape(prop: Any, place: float) -> dict[str, Any]:
         if abs(bottom - top) <= 1e-9 * h and abs(low - high) <= 1e-9 * h:
             return turned(i_beam(h, top, low, web))
         if prop.type != "PBARL":
-            raise BodyError("an I with two different flanges is not followed")
+            raise BodyError("an I with two different flanges is not supported")
     if shape in OPEN and prop.type == "PBARL":
         return plates(OPEN[shape](*d))
     known = ["ROD", "TUBE", "TUBE2", "BAR", "BOX", "I", *(OPEN if prop.type == "PBARL" else ())]
-    raise BodyError(f"shape {shape} is not followed ({', '.join(dict.fromkeys(known))} are)")
+    raise BodyError(f"shape {shape} is not supported ({', '.join(dict.fromkeys(known))} are)")

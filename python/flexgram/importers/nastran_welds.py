@@ -168,7 +168,7 @@ class Welds:
         number, kind = int(fields[1]), fields[4].upper()
         where = self._place("CWELD", number, fields[3], fields[5], fields[6])
         if kind not in ("PARTPAT", "ELPAT", "ELEMID"):
-            raise self.deck.refuse("CWELD", number, f"{kind or 'its form'} is not followed")
+            raise self.deck.refuse("CWELD", number, f"{kind or 'its form'} is not supported")
         ids = [int(word) for word in fields[9:11] if word]
         if len(ids) < 2:
             raise self.deck.refuse("CWELD", number, "the parts that it joins are missing")
@@ -279,7 +279,7 @@ class Welds:
         along = len(set(stiffness[:3])) == 1 and len(set(stiffness[3:])) == 1
         if getattr(prop, "mflag", 0) == 1 and not along:
             raise self.deck.refuse(
-                "PFAST", prop.pid, "axes of a system (MFLAG = 1) are not followed"
+                "PFAST", prop.pid, "axes of a system (MFLAG = 1) are not supported"
             )
         wtmass = self.deck.param("WTMASS") or 1.0
         return stiffness, float(prop.mass or 0.0) * wtmass, float(prop.ge or 0.0)

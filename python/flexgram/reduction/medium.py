@@ -36,6 +36,9 @@ class Medium:
         Whether it is; ``claim`` says so in words.
     cutoff : float
         All ``modes`` elastic modes below it are held [rad/s].
+    mode_omega, mode_error : (modes,) arrays
+        Their natural frequencies without damping and terms [rad/s], and by how much, relative, the
+        body's are lower at most (docs/proof.md, section 4).
     inputs, outputs : list of str
         Port names.
     plan : list of (str, str)
@@ -53,6 +56,8 @@ class Medium:
         self.claim = str(fields["claim"])
         self.cutoff, self.modes = float(fields["cutoff"]), int(fields["modes"])
         self.rigid_modes = int(fields["rigid_modes"])
+        self.mode_omega = np.asarray(fields["mode_omega"], dtype=float)
+        self.mode_error = np.asarray(fields["mode_error"], dtype=float)
         self.inputs: list[str] = list(fields["inputs"])
         self.outputs: list[str] = list(fields["outputs"])
         self.body = str(fields["body"])
