@@ -4,6 +4,7 @@ factorisations, claim and true error of a certified reduction.
 Writes benchmarks/results/panel.csv.
 
     benchmarks/run panel [--runs 3] [--ranks 1] [--checks 12] [--count 160]
+    benchmarks/run panel --large 1 2 4       a million dofs on so many ranks; panel_ranks.csv
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import h5py
 import meshio
 import numpy as np
 from common import OUT, RESULTS, write_table
-from methods import SHAPES, full_response, measure, unit
+from methods import SHAPES, flexgram, full_response, measure, unit
 
 from bodies import box, write_body_file
 from flexgram.body.description import import_description
@@ -75,14 +76,42 @@ def write_panel(path: Any, count: int, damping: dict[str, float]) -> int:
     return 6 * int(import_description(content, "panel", path, mesh=panel(count))["points"])
 
 
+def large(ranks: list[int]) -> None:
+    """The panel with a million dofs, from its file to its reduced file, on some ranks."""
+    body, rom = OUT / "large.h5", OUT / "rom.h5"
+    write_panel(body, 520, {"alpha": 2.0, "beta": 1e-6})
+    rows = []
+    for count in ranks:
+        flexgram("reduce", body, "--band", "10,100", "--tol", "1e-4", "-o", rom, ranks=count)
+        with h5py.File(rom) as file:
+            stages = dict(file["log/seconds"].attrs)
+            rows.append(
+                {
+                    "ranks": count,
+                    "n": file["V"].shape[0],
+                    "order": file["K"].shape[0],
+                    "claim": float(file["error"].attrs["worst"]),
+                    "seconds": float(sum(stages.values())),
+                    "assemble": float(stages["assemble"]),
+                    "peak_mb_per_rank": float(file["log"].attrs["peak_memory_mb_per_rank"]),
+                }
+            )
+        print(rows[-1], flush=True)
+    write_table(RESULTS / "panel_ranks.csv", rows)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--ranks", type=int, default=1)
     parser.add_argument("--checks", type=int, default=12, help="full solves of the true error")
     parser.add_argument("--count", type=int, default=160, help="elements along the panel")
+    parser.add_argument("--large", type=int, nargs="+", help="ranks of the large one, alone")
     options = parser.parse_args()
     OUT.mkdir(parents=True, exist_ok=True)
+    if options.large:
+        large(options.large)
+        return
     damped, undamped = OUT / "damped.h5", OUT / "undamped.h5"
     rows = []
     for shape in ("panel of shells", "plate of solids"):

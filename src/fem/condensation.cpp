@@ -19,11 +19,18 @@ Dense solved_internal(const Dense& K, int internal, Dense B) {
 
 } // namespace
 
+Dense condensed_stiffness(const Dense& K, int internal) {
+  const int n = K.rows - internal;
+  const Dense ua = part_of(K, 0, n, n, internal);
+  Dense result = part_of(K, 0, n, 0, n);
+  if (internal > 0) add_to(result, multiply(ua, solved_internal(K, internal, ua)), -1);
+  symmetrise(result);
+  return result;
+}
+
 Dense condensation(const Dense& K, int internal) {
   const int all = K.rows, n = all - internal;
-  Dense ua(n, internal);
-  for (int j = 0; j < internal; ++j)
-    for (int i = 0; i < n; ++i) ua(i, j) = K(i, n + j);
+  Dense ua = part_of(K, 0, n, n, internal);
   const Dense followed = solved_internal(K, internal, std::move(ua)); // K_aa⁻¹ K_au
   Dense T(all, n);
   for (int j = 0; j < n; ++j) {

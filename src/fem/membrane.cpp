@@ -98,7 +98,7 @@ ElementMatrices membrane_matrices(ElementType type, const std::vector<Vector3>& 
   symmetrise(result.M);
   if (!with_stiffness) return result;
   const Dense K = whole_stiffness(shape, law, place);
-  result.K = condensed(K, condensation_of(K, nodes.size()));
+  result.K = condensed_stiffness(K, K.rows - 3 * static_cast<int>(nodes.size()));
   return result;
 }
 

@@ -4,6 +4,7 @@
 #include "fem/condensation.hpp"
 #include "fem/membrane.hpp"
 #include "fem/shell_kinematics.hpp"
+#include "fem/vectors.hpp"
 #include "linalg/decompositions.hpp"
 
 #include <algorithm>
@@ -167,6 +168,39 @@ Dense shell_part_stiffness(ElementType type, const std::vector<Vector3>& nodes,
   return K;
 }
 
+namespace {
+
+/// M at a point: N_a N_b (ρ t I over displacements of two nodes, ∫ρz² B_aᵀB_b over their rotations,
+/// ∫ρz B_b between both), B_a θ = θ × n_a, and the inertia against the rotation about the normal.
+void add_mass(Dense& M, const ShellPoint& at, const std::vector<Vector3>& normals,
+              const ShellLaw& law) {
+  const int nodes = static_cast<int>(normals.size());
+  for (int b = 0; b < nodes; ++b)
+    for (int a = 0; a < nodes; ++a) {
+      const double share = at.area * at.moved(0, 6 * a) * at.moved(0, 6 * b);
+      const Vector3 &n_a = normals[as_size(a)], &n_b = normals[as_size(b)];
+      const double along = dot(n_a, n_b);
+      for (int c = 0; c < 3; ++c) {
+        M(6 * a + c, 6 * b + c) += share * law.mass;
+        // (e_c × n_a)·(e_d × n_b) = δ_cd n_a·n_b − n_b[c] n_a[d]
+        for (int d = 0; d < 3; ++d)
+          M(6 * a + 3 + c, 6 * b + 3 + d) +=
+              share * law.second *
+              ((c == d ? along : 0) - n_b[as_size(c)] * n_a[as_size(d)]);
+        if (law.first == 0) continue;
+        const double first = share * law.first; // of e_d × n: n[d + 2] along d + 1 …
+        const int d = (c + 1) % 3, e = (c + 2) % 3;
+        M(6 * a + d, 6 * b + 3 + c) -= first * n_b[as_size(e)];
+        M(6 * a + e, 6 * b + 3 + c) += first * n_b[as_size(d)];
+        M(6 * a + 3 + c, 6 * b + d) -= first * n_a[as_size(e)];
+        M(6 * a + 3 + c, 6 * b + e) += first * n_a[as_size(d)];
+      }
+    }
+  add_to(M, multiply_transposed(at.drilling, at.drilling), at.area * law.second);
+}
+
+} // namespace
+
 ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nodes,
                                const ShellLaw& law, const ShellPlace& place,
                                bool with_stiffness) {
@@ -181,12 +215,7 @@ ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nod
   Dense M(n, n), beside(n, 9);
   for (const ShellPoint& at : middle.shape.mass_points()) {
     result.mass += at.area * law.mass;
-    const Dense both = multiply_transposed(at.moved, at.turned);
-    add_to(M, multiply_transposed(at.moved, at.moved), at.area * law.mass);
-    add_to(M, multiply_transposed(at.turned, at.turned), at.area * law.second);
-    add_to(M, multiply_transposed(at.drilling, at.drilling), at.area * law.second);
-    add_to(M, both, at.area * law.first);
-    add_to(M, transpose(both), at.area * law.first);
+    add_mass(M, at, middle.shape.normals, law);
     for (int dof = 0; dof < n; ++dof)
       for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
@@ -207,7 +236,7 @@ ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nod
   if (!with_stiffness) return result;
   result.K = with_offset(type, nodes, place, [&](const ShellShape& shape) {
     const Dense K = shell_stiffness(shape, shape.strains(place), law);
-    return condensed(K, condensation(K, shape.dofs() - n));
+    return condensed_stiffness(K, shape.dofs() - n);
   });
   symmetrise(result.K);
   return result;

@@ -203,7 +203,7 @@ def wrong(change: Any, tmp_path: Path, mesh: Any = None) -> None:
             "the layers of section sheet have materials",
         ),
         ({"outputs": {"s": {"type": "stress", "nodes": "end"}}}, "name the side of the shell"),
-        ({"loads": {"heat": {"type": "temperature", "nodes": "end"}}}, "take no temperature"),
+        ({"loads": {"heat": {"type": "temperature", "nodes": "end"}}}, "has no expansion"),
     ],
 )
 def test_what_is_refused(change: Any, words: str, tmp_path: Path) -> None:

@@ -151,13 +151,7 @@ class Sheet:
         BodyError
             If the expansion of a material is not known.
         """
-        try:
-            by_heat = self.shell.heat_resultants()
-        except RuntimeError:
-            raise BodyError(
-                "temperature: a material that it warms has no expansion [1/K]"
-            ) from None
-        resultants = self._heat_at_points(heat) @ by_heat.T
+        resultants = self._heat_at_points(heat) @ self.shell.heat_resultants().T
         forces, strains = self.shell.hold(
             self.kind, points[self.nodes], self.axis_1, np.ascontiguousarray(resultants)
         )
