@@ -136,6 +136,16 @@ def test_over_time_and_in_files(tmp_path: Path) -> None:
     for k in (0, 7, 25):
         of_sides = [von_mises(data[k][f"stress_{side}"]) for side in ("top", "bottom")]
         np.testing.assert_allclose(mises[k], np.maximum(*of_sides), rtol=1e-10)
+    assert "m.xdmf: 26 moments" in said.out
+    run(
+        *("simulate", tmp_path / "r.h5", "--force", "tip.fz=20*sin(300*t)", "--time", "0,0.05,26"),
+        *("--xdmf", tmp_path / "few.xdmf", "--frames", 6, "-o", tmp_path / "y.csv"),
+    )
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "few.xdmf") as reader:
+        reader.read_points_cells()
+        few = [reader.read_data(k) for k in range(reader.num_steps)]
+    np.testing.assert_allclose([step[0] for step in few], np.linspace(0, 0.05, 6), atol=1e-12)
+    np.testing.assert_allclose(few[2][1]["u"], data[10]["u"])
     t = np.linspace(0, 0.05, 26)
     loads = np.column_stack([t, 20 * np.sin(300 * t)])
     np.savetxt(tmp_path / "l.csv", loads, delimiter=",", header="t,tip.fz", comments="")

@@ -363,6 +363,9 @@ def simulate_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--body", type=Path, help="body file with the mesh, for --xdmf")
     parser.add_argument("--xdmf", type=Path, help="also the motion of the mesh, for ParaView")
     parser.add_argument(
+        "--frames", type=int, help="with --xdmf: so many moments, evenly chosen; default: all"
+    )
+    parser.add_argument(
         "--stress",
         action="store_true",
         help="with --xdmf: stress and von Mises stress too; its extreme is printed",
@@ -421,10 +424,19 @@ def run_simulate(options: argparse.Namespace) -> None:
         for words in judge(model, t, u).words_of_outside:
             say(f"  note: {words}")
     if options.xdmf is not None:
-        from flexgram.exporters.shapes import write_motion
+        from flexgram.exporters.shapes import numbers_of_motion, write_motion
 
-        write_motion(model, options.xdmf, t, q, options.body, options.stress, u)
-        say(f"  wrote {options.xdmf}")
+        if options.frames is not None and options.frames < 2:
+            raise BodyError(f"--frames {options.frames}: expected 2 or more")
+        count = min(len(q), options.frames or len(q))
+        numbers = numbers_of_motion(model, options.body, options.stress)
+        if count > 200 and 8e-6 * count * numbers > 200:
+            say(
+                f"  note: {options.xdmf} will hold some {8e-6 * count * numbers:.0f} MB, {count} "
+                "moments; --frames 200 writes fewer"
+            )
+        more = (options.body, options.stress, u, options.frames)
+        say(f"  wrote {options.xdmf}: {write_motion(model, options.xdmf, t, q, *more)} moments")
     if options.stress:
         peaks = stress_peaks(model, q, u, options.body)
         say(f"  {words_of_stress(model, t, peaks, options.body)}")

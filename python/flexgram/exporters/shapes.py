@@ -91,6 +91,21 @@ def write_shapes(
         ) from error
 
 
+def numbers_of_motion(
+    model: ReducedBody, body: str | Path | None = None, stress: bool = False
+) -> int:
+    """How many numbers ``write_motion`` writes of a moment.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> numbers_of_motion(rom) % 3, numbers_of_motion(rom, stress=True) > 3 * numbers_of_motion(rom)
+    (0, True)
+    """
+    per_node = 3 + (1 + 6 * len(sides_of(model, body)) if stress else 0)
+    return per_node * len(Geometry.load(body_of(model, body)).points)
+
+
 def write_motion(
     model: ReducedBody,
     path: str | Path,
@@ -99,8 +114,9 @@ def write_motion(
     body: str | Path | None = None,
     stress: bool = False,
     u: Any = None,
-) -> None:
-    """Deformation over time as XDMF for ParaView.
+    frames: int | None = None,
+) -> int:
+    """Deformation over time as XDMF for ParaView; returns how many moments it holds.
 
     Parameters
     ----------
@@ -117,19 +133,27 @@ def write_motion(
         and ``von_mises`` [N/m²] too, of shells the larger of both sides.
     u : (n_t, n_in) array, optional
         Inputs; needed for the stress of a body that a temperature strains.
+    frames : int, optional
+        So many moments, evenly chosen, the first and the last among them; default: all.
 
     Examples
     --------
     >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
     >>> t = np.linspace(0, 0.1, 11)
     >>> _, q = rom.simulate(np.ones((11, len(rom.inputs))), t)
-    >>> write_motion(rom, "standing.xdmf", t, q)
+    >>> write_motion(rom, "standing.xdmf", t, q, frames=5)
+    5
     """
     if not _is_xdmf(Path(path)):
         raise BodyError(f"{path}: a motion is written as XDMF: name it {Path(path).stem}.xdmf")
     where = Path(body_of(model, body)).resolve()  # meshio works in another folder
     geometry = Geometry.load(where)
     sides = sides_of(model, where) if stress else []
+    chosen = np.arange(len(q))
+    if frames is not None and frames < len(q):
+        chosen = np.unique(np.linspace(0, len(q) - 1, max(frames, 2)).round().astype(int))
+    t, q = np.asarray(t)[chosen], np.asarray(q)[chosen]
+    loads = [None] * len(q) if u is None else np.asarray(u)[chosen]
     here = os.getcwd()
     _expect_such_data(Path(path))
     with (
@@ -140,8 +164,7 @@ def write_motion(
         try:
             with meshio.xdmf.TimeSeriesWriter(name.name) as writer:
                 writer.write_points_cells(geometry.points, geometry.blocks)
-                loads = [None] * len(q) if u is None else np.asarray(u)
-                for time, state, load in zip(t, np.asarray(q), loads, strict=True):
+                for time, state, load in zip(t, q, loads, strict=True):
                     field = geometry.motion(model, state)[0]
                     data = {"u": field}
                     if stress:
@@ -153,3 +176,4 @@ def write_motion(
                     writer.write_data(float(time), point_data=data)
         finally:
             os.chdir(here)
+    return len(q)
