@@ -140,6 +140,13 @@ def couple(
         "method": "couple",
         "frame/kind": "none",
     }
+    fields["assembly/parts"] = list(models)
+    fields["assembly/joins"] = [f"{joint.first}={joint.second}" for joint in joints]
+    ends = np.cumsum([model.order for model in models.values()])[:-1]
+    for (name, model), rows in zip(models.items(), np.split(N, ends), strict=True):
+        fields[f"parts/{name}"] = rows
+        fields[f"parts/{name}/rom"] = str(model.path.resolve()) if model.path else ""
+        fields[f"parts/{name}/turn"] = np.asarray((turns or {}).get(name, np.zeros(3)), float)
     if S.any():
         fields["S"] = _symmetric(N.T @ S @ N)
     K_now = fields["K"].copy()

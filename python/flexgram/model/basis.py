@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -12,8 +12,27 @@ from flexgram.basics import BodyError, Floats, Ints
 
 
 @dataclass(frozen=True)
+class PartOfAssembly:
+    """A part of an assembly, as ``couple`` stores it.
+
+    Attributes
+    ----------
+    coordinates : (m_part, m) array
+        Its coordinates by those of the assembly.
+    rom : str
+        Its reduced file; empty if it was in memory.
+    turn : (3,) array
+        Rotation vector of its axes [rad].
+    """
+
+    coordinates: Floats
+    rom: str
+    turn: Floats
+
+
+@dataclass(frozen=True)
 class Basis:
-    """Full displacements ``V q``.
+    """Full displacements ``V q``; of an assembly the coordinates of its parts.
 
     Attributes
     ----------
@@ -28,11 +47,26 @@ class Basis:
     node: Ints
     component: Ints
     position: Floats
+    #: Of an assembly, by their names.
+    parts: dict[str, PartOfAssembly] = field(default_factory=dict)
+    #: The pairs of interfaces that it joins.
+    joins: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def of(cls, fields: dict[str, Any]) -> Self:
         """From the fields of a reduced body."""
+        names = [str(name) for name in fields.get("assembly/parts", [])]
+        pairs = [str(pair).partition("=") for pair in fields.get("assembly/joins", [])]
         return cls(
+            parts={
+                name: PartOfAssembly(
+                    np.asarray(fields[f"parts/{name}"], dtype=float),
+                    str(fields[f"parts/{name}/rom"]),
+                    np.asarray(fields[f"parts/{name}/turn"], dtype=float),
+                )
+                for name in names
+            },
+            joins=tuple((first, second) for first, _, second in pairs),
             V=np.asarray(fields.get("V", []), dtype=np.float64),
             node=np.asarray(fields.get("dofs/node", []), dtype=np.int64),
             component=np.asarray(fields.get("dofs/component", []), dtype=np.int64),
@@ -41,11 +75,19 @@ class Basis:
 
     def projected(self, Q: Floats) -> Self:
         """The basis of the coordinates p of q = Q p."""
-        return replace(self, V=self.V @ Q) if self.V.ndim == 2 else self
+        parts = {
+            name: replace(part, coordinates=part.coordinates @ Q)
+            for name, part in self.parts.items()
+        }
+        return replace(self, V=self.V @ Q if self.V.ndim == 2 else self.V, parts=parts)
 
     def without_first(self, count: int) -> Self:
         """The basis without its first vectors."""
-        return replace(self, V=self.V[:, count:]) if self.V.ndim == 2 else self
+        parts = {
+            name: replace(part, coordinates=part.coordinates[:, count:])
+            for name, part in self.parts.items()
+        }
+        return replace(self, V=self.V[:, count:] if self.V.ndim == 2 else self.V, parts=parts)
 
     def lift(self, q: ArrayLike) -> Floats:
         """Displacements V q of the full body, (…, m) -> (…, rows of V)."""

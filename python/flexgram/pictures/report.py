@@ -17,7 +17,6 @@ from flexgram.body.stress import von_mises
 from flexgram.measured import mode_shapes
 from flexgram.model.damped_modes import NaturalModes
 from flexgram.model.elastic_part import without_rigid_modes
-from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.recovery import (
     has_stress,
     stress_at_nodes,
@@ -28,6 +27,7 @@ from flexgram.model.reduced import ReducedBody
 from flexgram.pictures import figures, page, tables
 from flexgram.pictures.charts import responses
 from flexgram.pictures.scene import Scene, libraries
+from flexgram.pictures.space import Space
 from flexgram.simulation.histories import evenly, judge, read_history
 
 
@@ -93,11 +93,15 @@ class _Page:
             self.left.append(f"{name}: {reason}")
             return ""
 
+    def _name(self, rom: Path) -> str:
+        names = (self.made.body or str(rom)).split(" with ")
+        return " with ".join(Path(name).stem for name in names)
+
     def head(self, rom: Path) -> list[str]:
         """Name, numbers, warnings."""
         made = self.made
         return [
-            f"<h1>{html.escape(Path(made.body or rom).stem)}, reduced</h1>",
+            f"<h1>{html.escape(self._name(rom))}, reduced</h1>",
             f"<p class=lead>{html.escape(made.body)} by flexgram ({html.escape(made.stages)}), "
             f"in {html.escape(rom.name)}{_when(made.log)}</p>",
             f'<p class="claim">{html.escape(tables.sentence(self.model))}</p>',
@@ -164,11 +168,11 @@ class _Page:
             picture = self.draw("shapes", caption, raster=True, body=self.body)
             return ["<h2>Shapes</h2>", picture] if picture else []
         try:
-            geometry = Geometry.load(body_of(self.model, self.body))
-            scene = Scene.of(geometry)
+            space = Space.of(self.model, self.body)
+            scene = Scene.of(space.geometry)
             natural = self.natural = NaturalModes.of(self.model)
             hz, modes = natural.elastic(min(scene.room, 24))
-            motion = geometry.motion(self.model, modes) if len(modes) else np.empty((0, 0, 3))
+            motion = space.motion(modes) if len(modes) else np.empty((0, 0, 3))
         except BodyError as reason:
             self.left.append(f"shapes: {reason}")
             return []
@@ -176,12 +180,13 @@ class _Page:
             scene.add_motion(f"mode {natural.rigid + k + 1}, {hz[k]:.5g} Hz", field)
         if loads is not None:
             try:
-                self._add_history(scene, geometry, loads)
+                self._add_history(scene, space, loads)
             except BodyError as reason:
                 self.left.append(f"the load history in space: {reason}")
         self.scene = scene
         self.data["scene-data"] = scene.data()
-        return ["<h2>The body</h2>", page.viewer(scene)]
+        what = "assembly" if self.model.basis.parts else "body"
+        return [f"<h2>The {what}</h2>", page.viewer(scene)]
 
     def answer(self, loads: str | Path) -> tuple[Any, ...]:
         """The elastic answer to a load history: the part of the body, t, u, q, and the peaks of the
@@ -206,7 +211,7 @@ class _Page:
             self._answer = part, t, u, q, peaks
         return self._answer
 
-    def _add_history(self, scene: Scene, geometry: Geometry, loads: str | Path) -> None:
+    def _add_history(self, scene: Scene, space: Space, loads: str | Path) -> None:
         """The elastic answer at forty moments and the worst one, with its stress if known."""
         part, t, u, q, peaks = self.answer(loads)
         energy = np.einsum("ki,ij,kj->k", q, part.system.in_time().K, q, optimize=True)
@@ -215,7 +220,8 @@ class _Page:
         stress = None
         if peaks is not None:
             stress = von_mises(stress_at_nodes(part, q[few], self.body, u[few], "larger"))
-        scene.set_history(t[few], geometry.motion(part, q[few]), stress, len(t))
+        moved = space.of_same(part).motion(q[few])
+        scene.set_history(t[few], moved, stress, len(t))
 
     def plan_and_modes(self) -> list[str]:
         """The modes, free and held; interfaces and mass; what was done."""
