@@ -152,8 +152,8 @@ public:
   const std::vector<Certificate::PortSet>& blocks() const { return ports_.blocks; }
   /// Of each view so many first modes, rigid ones, are no part of what errors are relative to.
   std::vector<int> left_out() const;
-  /// Errors of a kind of ports are relative to this where its response is smaller, in its unit: a
-  /// millionth of what its inputs and its outputs answer to themselves. 0 of all ports together.
+  /// Errors of a kind of ports are relative to this where its response is smaller, in its unit:
+  /// 1e-8 of what its inputs and its outputs answer to themselves. 0 of all ports together.
   double least_size(std::size_t view) const { return reference_[view].least; }
 
 private:

@@ -415,7 +415,7 @@ def test_a_rigid_body_that_is_held_in_part_is_that_of_ccx(
     ("rows", "kind"), [("*KINEMATIC\n1, 6\n", "rigid"), ("*DISTRIBUTING\n", "distributing")]
 )
 def test_couplings(rows: str, kind: str, tmp_path: Path) -> None:
-    """Of faces of elements; loads at the reference node are the interface's own inputs."""
+    """Of faces of elements; loads at the reference node act as the interface does."""
     text = (
         "*NODE\n9901, 0.25, 0.03, 0.01\n*SURFACE, NAME=SKIN, TYPE=NODE\nEND,\n"
         f"*COUPLING, REF NODE=9901, SURFACE=SKIN, CONSTRAINT NAME=EYE\n{rows}"
@@ -426,7 +426,10 @@ def test_couplings(rows: str, kind: str, tmp_path: Path) -> None:
     facts = assemble_deck(path, tmp_path / "bar.h5", [], deck_loads=True)
     assert facts["interfaces"]["eye"]["coupling"] == kind
     assert facts["interfaces"]["eye"]["position"] == [0.25, 0.03, 0.01]
-    assert "acts at reference nodes (9901)" in " ".join(facts["remarks"]) and not facts["loads"]
+    assert list(facts["loads"]) == ["step1_cload"]
+    a = assembled(tmp_path / "a.h5", tmp_path / "bar.h5")
+    B = {str(name): a["B"][:, k] for k, name in enumerate(a["names"])}
+    np.testing.assert_allclose(B["step1_cload.load"], 10 * B["eye.fy"], atol=1e-9)
 
 
 def test_a_coupling_of_one_direction(tmp_path: Path) -> None:

@@ -401,3 +401,40 @@ def test_a_sandwich(kind: str, tmp_path: Path) -> None:
     whole = Warmed(tmp_path, "end.load")
     largest = np.abs(whole.tensor("top")).max()
     np.testing.assert_allclose(apart.tensor("top"), whole.tensor("top"), atol=1e-8 * largest)
+
+
+def test_gravity_of_layers_and_membranes(tmp_path: Path) -> None:
+    """GRAV counts the layers of a composite section, and membranes; a misspelled card is named."""
+    points, elements = eight_nodes((2, 1), (LENGTH, WIDTH))
+    rows = [f"{k}, {x:.12g}, {y:.12g}, {z:.12g}" for k, (x, y, z) in enumerate(points, 1)]
+    for kind, cells, section, mass in (
+        ("S8R", elements, "*SHELL SECTION, ELSET=E, COMPOSITE\n0.001,, M\n0.002,, N", 8 + 2 * 3),
+        ("M3D4", elements[:, :4], "*MEMBRANE SECTION, ELSET=E, MATERIAL=M\n0.002", 2 * 8),
+    ):
+        text = [
+            *("*NODE, NSET=ALL", *rows, f"*ELEMENT, TYPE={kind}, ELSET=E"),
+            *(f"{k}, " + ", ".join(map(str, of)) for k, of in enumerate(cells, 1)),
+            *("*MATERIAL, NAME=M", "*ELASTIC", f"{E}, {NU}", "*DENSITY", "8000."),
+            *("*MATERIAL, NAME=N", "*ELASTIC", f"{E}, {NU}", "*DENSITY", "3000."),
+            *(section, "*STEP", "*STATIC", "*DLOAD", "E, GRAV, 9.81, 0., 0., -1."),
+            *("*DLAOD", "E, P, 1.", "*END STEP"),
+        ]
+        (tmp_path / "g.inp").write_text("\n".join(text) + "\n")
+        facts = assemble_deck(
+            tmp_path / "g.inp", tmp_path / "b.h5", [parse("node", "tip=NODES:3")], deck_loads=True
+        )
+        weight = 9.81 * LENGTH * WIDTH * mass
+        assert f"(0, 0, {-weight:.4g}) N in all" in facts["loads"]["step1_dload"]
+        assert "*DLAOD is passed over: did you mean *DLOAD?" in str(facts["remarks"])
+
+
+def test_shells_inside_a_rigid_interface(tmp_path: Path) -> None:
+    """A gradient over all nodes does not reach them, and is no mistake."""
+    mesh = sheet("quad", (4, 4), flat(LENGTH, WIDTH))
+    corner = np.flatnonzero((mesh.points[:, 0] > 0.7 * LENGTH) & (mesh.points[:, 1] > 0.7 * WIDTH))
+    facts = write(
+        tmp_path / "b.h5", mesh, {"thickness": T}, WARM,
+        interfaces={"patch": {"coupling": "rigid", "nodes": (corner + 1).tolist()}},
+        loads={"slope": {"type": "temperature_gradient", "nodes": "all"}},
+    )  # fmt: skip
+    assert facts["loads"]["slope"] == "temperature gradient of 25 nodes"

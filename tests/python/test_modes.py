@@ -14,6 +14,7 @@ from test_superelements import reduced
 from bodies import box, write_body_file
 from conftest import assembled, run
 from flexgram import BodyError, Matrices, ReducedModel, certify, reduce
+from flexgram.body.description import import_description
 from flexgram.measured.mode_shapes import compare, mac, mode_shapes, read_universal, write_universal
 
 pyuff = pytest.importorskip("pyuff")
@@ -312,3 +313,21 @@ def test_modes_of_a_body(model: ReducedModel, full: dict[str, Any], tmp_path: Pa
     assert "is a body that is not reduced: name the band" in refused.err
     refused = run("modes", path, "--band", "1,2", expect=1)
     assert "no elastic mode from 1 to 2 Hz" in refused.err
+
+
+def test_modes_of_bodies_whose_stiffness_varies(tmp_path: Path) -> None:
+    """No bound is told of frequencies that it is not of; free bodies may begin at 0 Hz."""
+    mesh = box("hexahedron20", (6, 2, 2), (0.3, 0.02, 0.03))
+    rubber = {"E": 2e9, "nu": 0.3, "rho": 1200.0}
+    for more, words in (
+        ({"viscoelastic": {"prony": [[0.5, 1e-3]]}}, "its stiffness varies over frequency"),
+        ({}, "all modes from 0 to 3000 Hz, counted by inertia"),
+    ):
+        content = {
+            "materials": {"m": rubber | more},
+            "regions": {"all": {"material": "m"}},
+            "interfaces": {"eye": {"coupling": "rigid", "nodes": "end"}},
+        }
+        import_description(content, "b", tmp_path / "b.h5", mesh=mesh)
+        said = run("modes", tmp_path / "b.h5", "--band", "0,3000", expect=1 if more else 0)
+        assert words in said.err + said.out

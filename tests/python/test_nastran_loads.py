@@ -386,3 +386,87 @@ def test_an_acceleration_as_one_input(tmp_path: Path) -> None:
     assert "loads: none: vector = [0, 0, 0] is no acceleration" in said.err
     said = run(*given, loads[2], "-o", tmp_path / "c.h5", expect=1)
     assert "expected 3 finite numbers, not '1,2'" in said.err
+
+
+def test_sets_that_name_what_is_not_there(tmp_path: Path) -> None:
+    """Elements, systems and sets that are missing leave out their set, and say which; a set that
+    combines temperatures, and temperatures with the number of forces, are followed."""
+    cards = (
+        "PLOAD4,1,5000,1.\nPLOAD4,2,1,1.,,,,THRU,9\nPLOAD2,3,1.,7\nGRAV,4,5,1.,0.,0.,1.\n"
+        "FORCE,5,4,9,1.,1.\nLOAD,6,1.,1.,8,1.,77\nFORCE,8,4,,2.,1.\nTEMPD,8,70.\nLOAD,9,3.,1.,8\n"
+        "FORCES,10,4,,1.,1.\nRFORCE,11,1,8,1.,0.,0.,1.\nTEMPP1,12,1,70.,5.\n"
+    )
+    text = sheet(cards).replace("0.3,7850.", "0.3,7850.,1.2-5")
+    cases = "".join(f"SUBCASE {k}\nLOAD={k}\nTEMP(LOAD)=8\n" for k in (1, 2, 3, 4, 5, 6, 8, 9, 11))
+    cases += "SUBCASE 12\nTEMP(LOAD)=12\n"
+    a = Body(tmp_path, text.replace("CEND\n", f"CEND\n{cases}"), "tip=NODES:4")
+    said = str(a.facts["remarks"])
+    for words in (
+        "load 1 is left out: PLOAD4 on element 5000, which is not in the deck",
+        "load 2 is left out: PLOAD4 on element 2, which is not in the deck",
+        "load 3 is left out: PLOAD2 on element 7, which is not in the deck",
+        "load 4 is left out: GRAV in the system 5, which is not in the deck",
+        "load 5 is left out: FORCE in the system 9, which is not in the deck",
+        "load 6 is left out: it combines 77, which is not in the deck",
+        "load 11 is left out: RFORCE in the system 8, which is not in the deck",
+        "temperature 12 is left out: TEMPP1 (1) is not supported",
+        "cards that pyNastran does not know are passed over: FORCES (1)",
+    ):
+        assert words in said, words
+    assert list(a.facts["loads"]) == ["load8", "load9", "temperature8"]
+    assert a.total("load9.load")[0] == pytest.approx(6)
+
+
+def test_heat_reaches_nodes_behind_the_grids(tmp_path: Path) -> None:
+    """A beam that tapers grows as a whole; a plate with a stiffener beside its nodes, evenly warm
+    and of one material, grows without bending."""
+    taper = "PBEAM,2,1,1.-3,2.-8,2.-8,,5.-8\n,,,,,,,,\n,NO,1.,5.-4,1.-8,1.-8,,3.-8\nENDDATA"
+    text = with_cards("TEMPD,3,100.\n").replace("0.3,7850.", "0.3,7850.,1.1-5")
+    text = text.replace("CBAR,2,1,", "CBEAM,2,2,").replace("ENDDATA", taper)
+    moved = Body(tmp_path, text).motion("temperature3.T", 4)
+    np.testing.assert_allclose(moved, [1.1e-3, 0, 0, 0, 0, 0], atol=1e-12)
+    text = sheet(
+        "TEMPD,3,50.\nSPC1,1,123456,1\nCBAR,9,5,1,2,0.,1.,0.\n,,,0.,0.,0.2,0.,0.,0.2\n"
+        "PBAR,5,1,1.-3,2.-6,2.-6,2.-6\n"
+    ).replace("0.3,7850.", "0.3,7850.,1.2-5")
+    moved = Body(tmp_path, text, "tip=NODES:4").motion("temperature3.T", 3)
+    np.testing.assert_allclose(moved, 6e-4 * np.array([2, 1, 0, 0, 0, 0]), atol=1e-12)
+
+
+def test_temperatures_without_stress_of_laminates(tmp_path: Path) -> None:
+    """Of a PCOMP its TREF counts, not those of its plies; the core of a sandwich needs no
+    expansion."""
+    text = sheet("TEMPD,3,70.\nSPC1,1,123456,1\n").replace("0.3,7850.", "0.3,7850.,1.2-5,20.")
+    laminate = text.replace("PSHELL,1,1,0.01,1,,1\n", "PCOMP,1,,,,,50.\n,1,0.01,0.\n")
+    moved = Body(tmp_path, laminate, "tip=NODES:4").motion("temperature3.T", 3)
+    np.testing.assert_allclose(moved[:2], 1.2e-5 * 20 * np.array([2, 1]), rtol=1e-7)
+    core = "PSHELL,1,1,0.01,1,4.,2,3.\nMAT1,2,1.+9,4.+8,,100.\n"
+    sandwich = text.replace("PSHELL,1,1,0.01,1,,1\n", core)
+    moved = Body(tmp_path, sandwich, "tip=NODES:4").motion("temperature3.T", 3)
+    np.testing.assert_allclose(moved[:2], 1.2e-5 * 50 * np.array([2, 1]), rtol=1e-7)
+
+
+def test_heights_of_stress(tmp_path: Path) -> None:
+    """Z1 and Z2 of a PSHELL, or half of the thickness that an element has of its own."""
+    own = "CQUAD4,1,1,1,2,4,3\n,,,0.02,0.02,0.02,0.02\n"
+    for cards, wanted, elements in (
+        ("PSHELL,1,1,0.01,1,4.,1\n", (-0.005, 0.005), None),
+        ("PSHELL,1,1,0.01,1,4.,1,,\n,0.03,-0.02\n", (-0.02, 0.03), None),
+        ("PSHELL,1,1,0.01,1,4.,1\n", (-0.01, 0.01), own),
+    ):
+        text = sheet("", elements or "CQUAD4,1,1,1,2,4,3\n")
+        Body(tmp_path, text.replace("PSHELL,1,1,0.01,1,,1\n", cards), "tip=NODES:4")
+        with h5py.File(tmp_path / "b.h5") as file:
+            (section,) = file["sections"].values()
+            assert tuple(section.attrs["sides"]) == pytest.approx(wanted)
+
+
+def test_scalar_points_and_what_is_held(tmp_path: Path) -> None:
+    """SLOAD acts on scalar points. A force at a grid that only a held RBE2 moves does nothing, and
+    the rest of its set counts."""
+    cards = "SPOINT,90\nCELAS2,91,2.+5,5,1,90,1\nCMASS2,92,0.5,90,1\nSLOAD,1,90,3.\n"
+    a = Body(tmp_path, with_cards(cards))
+    assert np.abs(a.column("load1.load")).sum() == pytest.approx(3)
+    cards = "GRID,30,,0.,1.,0.\nRBE2,7,1,123456,30\nFORCE,1,30,,1.,1.\nFORCE,1,5,,2.,1.\n"
+    a = Body(tmp_path, with_cards(cards))
+    np.testing.assert_allclose(a.total("load1.load")[:3], [2, 0, 0])

@@ -256,3 +256,27 @@ def test_a_body_file_without_shells(tmp_path: Path) -> None:
         del file["mesh"]
     with pytest.raises(BodyError, match="assembles from a mesh"):
         rom.stress(side="top", body=tmp_path / "b.h5")
+
+
+def test_shells_that_do_not_deform(tmp_path: Path) -> None:
+    """A block whose skin lies inside a rigid interface has the stress of its solids alone."""
+    block = box("hexahedron", (4, 2, 2), (0.2, 0.05, 0.05), distort=False)
+    end = np.flatnonzero(np.abs(block.points[:, 0] - 0.2) < 1e-9)
+    order = end[np.lexsort((block.points[end, 1], block.points[end, 2]))].reshape(3, 3)
+    squares = np.stack([order[:-1, :-1], order[:-1, 1:], order[1:, 1:], order[1:, :-1]], axis=-1)
+    mesh = meshio.Mesh(
+        block.points, [block.cells[0], ("quad", squares.reshape(-1, 4))],
+        cell_sets={"block": [np.arange(16), []], "skin": [[], np.arange(4)]},
+    )  # fmt: skip
+    steel = {"material": "steel"}
+    content = {
+        "materials": {"steel": STEEL},
+        "sections": {"sheet": {"shape": "shell", "thickness": 0.004}},
+        "regions": {"block": steel, "skin": steel | {"section": "sheet"}},
+        "interfaces": {"eye": {"coupling": "rigid", "nodes": (end + 1).tolist()}},
+    }
+    import_description(content, "b", tmp_path / "b.h5", mesh=mesh)
+    rom = flexgram.reduce(tmp_path / "b.h5", (10, 9000), 1e-3)
+    q = np.ones((1, rom.order))
+    np.testing.assert_array_equal(rom.stress(q), rom.stress(q, side="larger"))
+    assert stress_peaks(rom, q, np.zeros((1, len(rom.inputs)))).von_mises.side == ""

@@ -18,7 +18,7 @@ import numpy as np
 from flexgram.basics import BodyError, Bools, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import loose_shells, opposed, whole_faces
-from flexgram.body.meshfile import ALONE, LINES, SOLIDS, TURNING
+from flexgram.body.meshfile import ALONE, LINES, SHELLS, SOLIDS, TURNING
 from flexgram.body.reader import Reader
 from flexgram.body.second_order import MIDDLE, Gained
 from flexgram.body.sections import ROD
@@ -203,9 +203,8 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     with errors_of(entry.where):
         sheets = sheets_of(mesh.file)
         slanted = np.flatnonzero(gradient)
-        flat = np.setdiff1d(
-            slanted, np.concatenate([slanted[:0], *(s.nodes for s in sheets)], None)
-        )
+        of_shells = [n.ravel() for kind, n in mesh.blocks if kind.partition("/")[0] in SHELLS]
+        flat = np.setdiff1d(slanted, np.concatenate([slanted[:0], *of_shells]))
         if len(flat):
             raise BodyError(
                 f"a gradient of temperature is one of shells, and node {flat[0] + 1} is of none"
@@ -224,7 +223,37 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     group["temperature/nodes"], group["temperature/values"] = warm, temperature[warm]
     if gradient.any():
         group["temperature/gradients"] = gradient[warm]
-    return f"temperature{' gradient' * is_gradient} of {len(warm)} nodes"
+    if is_gradient:
+        return f"temperature gradient of {len(warm)} nodes"
+    said = f"temperature of {len(warm)} nodes, {_range(temperature[warm])} K"
+    return said + (f", gradient {_range(gradient[warm])} K/m" if gradient.any() else "")
+
+
+def _three(vector: Floats) -> str:
+    """Three numbers, those that are rounding beside the others as 0."""
+    size = float(np.abs(vector).max(initial=0))
+    return ", ".join(f"{x if abs(x) > 1e-9 * size else 0.0:.4g}" for x in vector)
+
+
+def _range(values: Floats) -> str:
+    least, most = float(values.min()), float(values.max())
+    return f"{most:.4g}" if most - least <= 1e-9 * abs(most) else f"{least:.4g} to {most:.4g}"
+
+
+def _totals(mesh: BodyMesh, nodes: Ints, table: Floats) -> str:
+    """Of forces and moments (k, 3 or 6) [N], [N m]; the moment where there is no force alone."""
+    forces, place = table[:, :3], mesh.length * mesh.points[nodes]
+    moment = np.cross(place, forces).sum(axis=0)
+    if table.shape[1] > 3:
+        moment += table[:, 3:].sum(axis=0)
+    total = forces.sum(axis=0)
+    arm = max(float(np.ptp(place, axis=0).max()), 1e-300)
+    largest = max(float(np.abs(forces).max()), float(np.abs(moment).max()) / arm)
+    total[np.abs(total) < 1e-9 * largest] = 0
+    said = f"({_three(total)}) N in all"
+    if table.shape[1] > 3 or not total.any():
+        said += f", ({_three(moment)}) N m about the origin"
+    return said
 
 
 def _write_pretension(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
@@ -328,6 +357,7 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
             said[str(name)] = kind
             if "vector" in entry.data:
                 group.attrs["vector"] = mesh.length * entry.vector("vector")
+                said[str(name)] += f" ({_three(group.attrs['vector'])}) m/s²"
                 if not group.attrs["vector"].any():
                     raise BodyError(f"{entry.where}: vector = [0, 0, 0] is no acceleration")
             if kind != "acceleration":
@@ -341,8 +371,7 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
             table *= mesh.force
             table[:, 3:] *= mesh.length
             write_vectors(group, ["load"], nodes, table[:, None, :])
-            total = ", ".join(f"{x:.4g}" for x in table[:, :3].sum(axis=0))
-            said[str(name)] = f"forces at {len(nodes)} nodes, ({total}) N in all"
+            said[str(name)] = f"forces at {len(nodes)} nodes, {_totals(mesh, nodes, table)}"
             continue
         if kind in HEAT:
             said[str(name)] = _write_temperature(mesh, group, entry)

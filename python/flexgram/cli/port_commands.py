@@ -206,9 +206,10 @@ def modes_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _modes_of_body(path: Path, band: str) -> tuple[ReducedModel, Floats]:
-    """The modes of a body below the end of a band as a reduced body, and how much lower at most,
-    relative, each frequency of the body is in the band."""
+def _modes_of_body(path: Path, band: str) -> tuple[ReducedModel, Floats, tuple[float, float]]:
+    """The modes of a body below the end of a band as a reduced body, how much lower at most,
+    relative, each frequency of the body is in the band, and this [Hz]."""
+    import os
     import warnings
 
     import numpy as np
@@ -217,19 +218,31 @@ def _modes_of_body(path: Path, band: str) -> tuple[ReducedModel, Floats]:
     from flexgram.importers.interfaces import numbers
     from flexgram.reduction.medium import certify
 
+    if int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1")) > 1:
+        raise BodyError("modes of a body take one process: leave mpirun out")
     first, last = numbers("--band", band, 2).tolist()
-    medium = certify(path, (first, last), 0.1)
+    if not 0 <= first < last:
+        raise BodyError(f"--band {band}: expected first,last in ascending order")
+    # Modes alone are wanted: where a free body cannot begin at 0 Hz, the band may begin above.
+    medium = certify(path, (max(first, 0.01 * last), last), 0.1)
     hertz = medium.mode_omega / (2 * np.pi)
     inside = (hertz >= first) & (hertz <= last)
     if not inside.any():
+        beyond = hertz[hertz > last]
         raise BodyError(
             f"{path}: no elastic mode from {first:g} to {last:g} Hz"
-            + (f"; the next one is at {hertz.min():.6g} Hz" if len(hertz) else "")
+            + (f"; the next one is at {beyond.min():.6g} Hz" if len(beyond) else "")
+            + (f"; {medium.rigid_modes} rigid ones are at 0 Hz" if medium.rigid_modes else "")
         )
     with warnings.catch_warnings():  # nobody looks at its H
         warnings.simplefilter("ignore", ReductionWarning)
         model = medium.reduce(order=medium.rigid_modes + medium.modes, method="modal")
-    return model, medium.mode_error[inside]
+    if model.system.terms:
+        raise BodyError(
+            f"{path}: its stiffness varies over frequency, with parameters or a speed: reduce it, "
+            "and take the modes of the reduced body"
+        )
+    return model, medium.mode_error[inside], (first, last)
 
 
 def _is_body(path: Path) -> bool:
@@ -263,12 +276,15 @@ def run_modes(options: argparse.Namespace) -> None:
     if options.band is None:
         model = ReducedModel.load(options.rom)
     else:
-        model, error = _modes_of_body(options.rom, options.band)
+        model, error, ends = _modes_of_body(options.rom, options.band)
     shapes = bool(options.measured) or suffix in (".unv", ".uff")
     modes = ms.mode_shapes(model, options.body, options.hz, at_nodes=shapes)
-    band = model.claim.band / (2 * np.pi)
+    band = model.claim.band / (2 * np.pi) if options.band is None else np.array(ends)
     for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True), 1):
-        beyond = "" if band[0] <= f <= band[-1] else "  outside the band: of the reduced body only"
+        beyond = (
+            "  outside the band: of the reduced body only" if options.band is None else "  below"
+        )
+        beyond = "" if band[0] <= f <= band[-1] else beyond
         masses = ""
         if modes.effective_mass is not None:
             own = " ".join(f"{x:10.4g}" for x in modes.effective_mass[k - 1])

@@ -157,7 +157,7 @@ def read(
     if step is not None and not run_ccx:
         raise BodyError("--step belongs to --run-ccx")
     if deck_loads and kind != "calculix":
-        raise BodyError("--deck-loads belongs to CalculiX decks")
+        raise BodyError("--deck-loads: add --assemble (bulk data), or take a CalculiX deck")
     with errors_of(first):
         return _read(kind, first, other, matrices, run_ccx, step, deck_loads)
 

@@ -11,12 +11,13 @@ Whatever else a deck says of its stiffness or mass is refused by name: ccx knows
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError, errors_of
+from flexgram.basics import BodyError, Floats, errors_of
 from flexgram.body.description import import_description
 from flexgram.importers.alone import COMPONENTS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
@@ -47,6 +48,7 @@ from flexgram.importers.deck_sections import (
 )
 from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
+from flexgram.importers.shared_load import share
 
 ELEMENTS = ("C3D4", "C3D5", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20", "C3D20R")
 #: Taken as hexahedra with incompatible modes. Those of ccx are other modes in distorted elements
@@ -308,15 +310,7 @@ def assemble_deck(
     for name, entry in loads.items():
         if "table" in entry:
             entry["table"] = _by_index(path, deck, f"load {name}", entry["table"])
-    if deck_loads:
-        layers = [
-            layer["material"]
-            for section in _used_sections(sections, material_of).values()
-            for layer in section.get("layers", ())
-        ]
-        made_of = [materials[name] for name in (*material_of.values(), *layers) if name]
-        remarks += _add_loads_of_steps(job, deck, made_of, loads, preload or {})
-    elif words := in_steps(job):
+    if not deck_loads and (words := in_steps(job)):
         remarks.append(
             f"the loads of the deck are left out ({words}): --deck-loads makes inputs of them"
         )
@@ -325,7 +319,7 @@ def assemble_deck(
     turn_materials(job, material_of, materials)
     turn_elements(job, mesh, material_of, abaqus=abaqus)
     given = {"alpha": alpha, "beta": beta, "eta": eta}
-    content = {
+    content: dict[str, Any] = {
         "name": path.stem,
         "units": units,
         "materials": materials,
@@ -351,6 +345,16 @@ def assemble_deck(
         },
     }
     remarks += add_couplings(job, deck, couplings, content)
+    if deck_loads:
+        layers = [
+            layer["material"]
+            for section in _used_sections(sections, material_of).values()
+            for layer in section.get("layers", ())
+        ]
+        made_of = [materials[name] for name in (*material_of.values(), *layers) if name]
+        remarks += _add_loads_of_steps(
+            job, deck, made_of, loads, preload or {}, content["interfaces"]
+        )
     content |= further_keys(merge, keep_repeated, spin, preload)
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
@@ -370,17 +374,18 @@ def _add_loads_of_steps(
     materials: Iterable[Mapping[str, float]],
     loads: dict[str, dict[str, Any]],
     preload: Mapping[str, float],
+    interfaces: Mapping[str, Mapping[str, Any]],
 ) -> list[str]:
     """Add the loads of the deck's steps to ``loads``; returns what is to be said of them.
     ``materials``: those of the elements."""
     of_steps, remarks = loads_of(job, deck)
     used = {node for _, nodes in deck.elements.values() for node in nodes}
-    references = {
-        node
-        for coupling in couplings_of(job, deck)
-        for node in (coupling.reference, coupling.rotation)
-        if node is not None and node not in used
-    }
+    references: dict[int, tuple[Coupling, int]] = {}  # and where their rows begin: 3 of rotations
+    for coupling in couplings_of(job, deck):
+        for node, first in ((coupling.reference, 0), (coupling.rotation, 3)):
+            has_place = "position" in interfaces.get(coupling.name, {})
+            if node is not None and node not in used and has_place:
+                references[node] = coupling, first
     expands = all("expansion" in material for material in materials)
     for load in of_steps:
         if load.name in loads:
@@ -397,17 +402,32 @@ def _add_loads_of_steps(
                 "one of temperature or direction"
             )
             continue
-        at_references = {int(label) for label in load.table[:, 0]} & references
-        if load.kind == "nodal" and at_references:
-            remarks.append(
-                f"load {load.name} is left out: it acts at reference nodes "
-                f"({', '.join(map(str, sorted(at_references)))}), whose interfaces are inputs"
-            )
-            continue
+        if load.kind == "nodal":
+            load = replace(load, table=_shared(deck, load.table, references))
         rows = load.table.copy()
         rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1
         loads[load.name] = {"type": load.kind, "table": rows}
     return remarks
+
+
+def _shared(deck: Deck, table: Floats, references: Mapping[int, tuple[Coupling, int]]) -> Floats:
+    """A table of nodal loads whose rows at references act on the nodes of these couplings."""
+    if not references.keys() & {int(label) for label in table[:, 0]}:
+        return table
+    forces: dict[int, Floats] = {}
+    for label, *row in table.tolist():
+        six = np.array([*row, 0.0, 0.0, 0.0][:6])
+        if int(label) not in references:
+            forces[int(label)] = forces.get(int(label), np.zeros(6)) + six
+            continue
+        coupling, first = references[int(label)]
+        six = np.roll(six, first)
+        at = np.searchsorted(deck.labels, [coupling.reference, *coupling.nodes])
+        points = deck.points[at]
+        for node, *own in zip(coupling.nodes, *share(points[1:], points[0], six), strict=True):
+            forces[node] = forces.get(node, np.zeros(6)) + np.concatenate(own)
+    whole = np.array([[label, *six] for label, six in sorted(forces.items())])
+    return whole if whole[:, 4:].any() else whole[:, :4]
 
 
 def number_nodes(path: Path, deck: Deck, entry: dict[str, Any]) -> None:

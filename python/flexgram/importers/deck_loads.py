@@ -9,6 +9,7 @@ stiffness, as ccx does (but for C3D8R). Amplitudes are histories of the input.
 
 from __future__ import annotations
 
+import difflib
 import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -36,8 +37,12 @@ from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.fe import FeMatrices
 
 CARDS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
+#: Cards of steps that are none of these, and look like them.
+NEAR = ("FLOAD", "BLOAD", "ALOAD")
 #: Options of a card by which it is something else than a force of its values.
 OTHER = ("LOAD CASE", "SUBMODEL", "USER", "SECTOR", "OMEGA0", "FILE", "BSTEP")
+#: Sections of shells and membranes.
+OF_SHELLS = ("SHELL SECTION", "MEMBRANE SECTION")
 #: Elements that carry no distributed loads.
 POINTS = ("MASS", "SPRING", "DASHPOT", "GAP", "DCOUP")
 #: Faces by CalculiX' numbers, corners from 1.
@@ -111,12 +116,20 @@ class _Deck:
                     for label in self.nodes(card, row[0]):
                         self.start[label] = self.number(card, row, 1), self.number(card, row, 2)
         for card in job.model:
-            if card.keyword in ("SOLID SECTION", "SHELL SECTION"):
-                of_shells = card.keyword == "SHELL SECTION"
-                thickness = self.number(card, next(card.words(), []), 0) if of_shells else 1.0
+            if card.keyword in ("SOLID SECTION", *OF_SHELLS):
+                of_shells = card.keyword in OF_SHELLS
+                name = card.options.get("MATERIAL", "").upper()
+                density = of_material.get(name, 0.0)
+                if of_shells and "COMPOSITE" in card.options:
+                    layers = [row for row in card.words() if len(row) > 2]
+                    density = sum(
+                        self.number(card, row, 0) * of_material.get(row[2].upper(), 0.0)
+                        for row in layers
+                    )
+                elif of_shells:
+                    density *= self.number(card, next(card.words(), []), 0)
                 for label in deck.elsets.get(card.options.get("ELSET", "").upper(), ()):
-                    name = card.options.get("MATERIAL", "").upper()
-                    self.density[label] = thickness * of_material.get(name, 0.0)
+                    self.density[label] = density
                     self.offset.discard(label)
                     if of_shells and _offset(card) != 0:
                         self.offset.add(label)
@@ -226,7 +239,7 @@ class _Deck:
             _, weight, N, dN = _flexgram.shape_functions(kind, np.empty((0, 3)))
             x = points[nodes]
             J = np.einsum("qna,enx->eqax", dN, x)
-            if kind in SHELL_KINDS:
+            if kind.partition("/")[0] in SHELL_KINDS:
                 if self.offset & set(mine.tolist()):
                     raise LeftOut("body loads of shells with an OFFSET are not integrated here")
                 volume = weight * np.linalg.norm(np.cross(J[:, :, 0], J[:, :, 1]), axis=2)
@@ -443,6 +456,9 @@ class _Loads:
         count: dict[str, int] = {}
         spun: set[int] = set()
         for card in cards:
+            near = difflib.get_close_matches(card.keyword, (*CARDS, "BOUNDARY"), 1, 0.8)
+            if near and card.keyword not in (*CARDS, "BOUNDARY", *NEAR):
+                self.remarks.append(f"*{card.keyword} is passed over: did you mean *{near[0]}?")
             if card.keyword not in CARDS or self.deck is None:
                 continue
             count[card.keyword] = count.get(card.keyword, 0) + 1
@@ -462,7 +478,8 @@ class _Loads:
                 self.remarks += [
                     f"load {name + again}: {what} is left out" for what in dict.fromkeys(left)
                 ]
-                self._add(name + again, "nodal", forces, bool(left), len(spun) > before)
+                has_rows = any(True for _ in card.words())
+                self._add(name + again, "nodal", forces, bool(left), len(spun) > before, has_rows)
                 self._amplitude(name + again, card)
             except LeftOut as reason:
                 self.remarks.append(f"load {name + again} is left out: {reason}")
@@ -482,7 +499,13 @@ class _Loads:
             )
 
     def _add(
-        self, name: str, kind: str, values: Floats, excused: bool, spins: bool = False
+        self,
+        name: str,
+        kind: str,
+        values: Floats,
+        excused: bool,
+        spins: bool = False,
+        has_rows: bool = True,
     ) -> None:
         assert self.deck is not None
         used = np.flatnonzero(np.any(values != 0, axis=1))
@@ -490,5 +513,5 @@ class _Loads:
             labels = self.deck.deck.labels[used]
             table = np.column_stack([labels, values[used]])
             self.loads.append(DeckLoad(name, kind, table, spins))
-        elif not excused:
+        elif not excused and has_rows:
             self.remarks.append(f"load {name} vanishes: it is left out")

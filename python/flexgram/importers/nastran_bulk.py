@@ -85,7 +85,10 @@ def assemble_bulk(
             raise BodyError(f"interface {name} is given twice: it is one of the deck's")
     content["interfaces"] |= named
     if not content["interfaces"]:
-        raise BodyError(f"{path}: name an interface (--rigid, --node): it has no RBE2 or RBE3")
+        raise BodyError(
+            f"{path}: name an interface (--rigid, --node): it has no RBE2 or RBE3 that is one "
+            "(an RBE2 of some components becomes equations)"
+        )
     content |= {
         "name": path.stem,
         "units": units,

@@ -37,6 +37,7 @@ PASSED = (
     *("PLOTEL", "EIG", "SET1", "SET3", "ASET", "QSET", "BSET", "CSET", "USET", "SUPORT", "FREQ"),
     *("TSTEP", "TABLED", "TABDMP", "TABRND", "DAREA", "RLOAD", "TLOAD", "DLOAD", "LOAD", "LSEQ"),
     *("FORCE", "MOMENT", "PLOAD", "GRAV", "ACCEL", "TEMP", "RFORCE", "SPCD", "SPCR", "ENDDATA"),
+    "SLOAD",
     *(
         "MATS1",
         "TABLES1",
@@ -180,6 +181,14 @@ def _set_systems(path: Path, model: Any, said: dict[int, tuple[bool, bool]]) -> 
             node.cd = defaults.cd
 
 
+def _heat_of_elements(path: Path) -> list[tuple[str, int]]:
+    """Cards of temperatures of elements and their sets, of a file without those it includes."""
+    words = re.findall(
+        r"^(TEMP(?:P1|P3|RB|B3|N1))\*?[ ,]+(\d+)", path.read_text(errors="replace"), re.M | re.I
+    )
+    return [(kind.upper(), int(number)) for kind, number in words]
+
+
 #: Of a file; its name, in quotes or not.
 INCLUDE = re.compile(r"^\s*INCLUDE\s+('[^']*'|\"[^\"]*\"|\S+)", re.M | re.I)
 
@@ -225,6 +234,8 @@ class BulkDeck:
         model, self.parameters, alters = read_bulk(path.absolute())
         self.path, self.model, self.ignore = path, model, ignore
         self.remarks: list[str] = []
+        #: Temperatures of elements, which pyNastran keeps no more than their number: kind and set.
+        self.heat_of_elements: list[tuple[str, int]] = _heat_of_elements(path.absolute())
         if alters:
             self.remarks.append(
                 f"files of executive control are not read: {', '.join(alters)}; what they alter is "
@@ -264,6 +275,14 @@ class BulkDeck:
                 f"{self.path}: {said}: not supported, and may say something of stiffness or mass; "
                 "--ignore CARD passes over one"
             )
+        known = {str(card) for card in self.model.cards_to_read} | READ
+        if strange := {
+            c: n
+            for c, n in sorted(counts.items())
+            if c not in known | self.ignore and c[:4] != "TEMP"
+        }:
+            said = ", ".join(f"{card} ({n})" for card, n in strange.items())
+            self.remarks.append(f"cards that pyNastran does not know are passed over: {said}")
         if passed := sorted(self.ignore & set(counts)):
             self.remarks.append(f"passed over: {', '.join(f'{c} ({counts[c]})' for c in passed)}")
         if "SDAMPING" in self.cases():

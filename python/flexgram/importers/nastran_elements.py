@@ -216,7 +216,9 @@ class Elements:
             offset = 0.0 if abs(offset) < 1e-9 * whole else offset
             layers = [
                 {
-                    "material": self.materials.of(prop.pid, m, nsm / whole, loss),
+                    "material": self.materials.of(
+                        prop.pid, m, nsm / whole, loss, reference=float(prop.tref or 0.0)
+                    ),
                     "thickness": float(t),
                     "angle": float(a),
                 }
@@ -395,14 +397,13 @@ class Elements:
             )
         plain = prop.mid2 == prop.mid1 and prop.mid3 in (None, 0, prop.mid1)
         if plain and abs(bending - 1) < 1e-6 and abs(shear * 6 / 5 - 1) < 1e-3:
+            if not np.allclose(self._sides(prop, t), [-t / 2, t / 2]):
+                self.deck.remark("Z1 and Z2 of a PSHELL of one layer: its stress is on its sides")
             return {}
         found: dict[str, Any] = {
             "bending": {"factor": bending},
             "shear": {"factor": shear},
-            "sides": sorted(
-                -sign * t / 2 if z is None else float(z)
-                for z, sign in ((prop.z1, 1), (prop.z2, -1))
-            ),
+            "sides": self._sides(prop, t),
         }
         materials = (
             ("bending", prop.mid2, prop.mid2_ref),
@@ -415,6 +416,16 @@ class Elements:
                     self.materials.of_shear(card) if of_shear else self.materials.of(prop.pid, card)
                 )
         return found
+
+    def _sides(self, prop: Any, t: float) -> list[float]:
+        """Heights of a PSHELL's stress: Z1 and Z2, or half of the element's thickness."""
+        usual = float(prop.t or 0.0) / 2  # which pyNastran puts in their place
+        heights = [prop.z1, prop.z2]
+        given = [z is not None and abs(abs(float(z)) - usual) > 1e-9 * usual for z in heights]
+        return sorted(
+            float(z) if own else sign * t / 2
+            for z, own, sign in zip(heights, given, (-1, 1), strict=True)
+        )
 
     def _rod(self, number: int, element: Any) -> str:
         prop = self.deck.property_of(number, element)

@@ -16,15 +16,20 @@ import numpy as np
 from flexgram.basics import Floats, Ints
 from flexgram.body.face_integrals import corners_of, face_functions, face_rule
 from flexgram.body.faces import CORNERS, FACES, LINEAR, MIDDLES
-from flexgram.importers.nastran_deck import BulkDeck, named
+from flexgram.importers.nastran_deck import BulkDeck
 from flexgram.importers.nastran_elements import Elements
 from flexgram.importers.nastran_rigid import RigidElements
+from flexgram.importers.shared_load import share
 
 OF_LOADS = ("FORCE", "MOMENT", "PLOAD", "GRAV", "ACCEL", "RFORCE", "SLOAD", "TEMP")
 
 
 class _LeftOut(Exception):
     """Why a set is left out."""
+
+
+def _is_force(card: Any) -> bool:
+    return not card.type.startswith("TEMP")
 
 
 class LoadSets:
@@ -69,6 +74,7 @@ class LoadSets:
             except _LeftOut as reason:
                 self.deck.remark(f"load {number} is left out: {reason}")
         heat = {*self._of_heat(), *map(int, self.deck.model.tempds)}
+        heat |= {number for _, number in self.deck.heat_of_elements}
         for number in self._chosen("TEMPERATURE(LOAD)", heat, heat):
             try:
                 found[f"temperature{number}"] = self._temperature(number)
@@ -85,9 +91,9 @@ class LoadSets:
             for card in cards
             if card.type == "LOAD"
         ]
-        parts = {int(n) for card in combined for n in card.get_load_ids()}
-        heat = self._of_heat()
-        every = {*(int(card.sid) for card in combined), *map(int, model.loads)} - heat
+        parts = {int(n) for card in combined for n in card.load_ids}
+        forces = {int(n) for n, of in model.loads.items() if any(_is_force(c) for c in of)}
+        every = {int(card.sid) for card in combined} | forces
         return every, every - parts
 
     def _of_heat(self) -> set[int]:
@@ -122,13 +128,7 @@ class LoadSets:
         self.forces[:] = 0
         self.gravity[:] = 0
         self.spins = []
-        model = self.deck.model
-        combined = {int(k) for k, of in model.load_combinations.items() if of[0].type == "LOAD"}
-        for card in model.load_combinations.get(number, []):
-            if nested := combined & {int(n) for n in card.get_load_ids()}:
-                raise _LeftOut(f"it combines {min(nested)}, which is a LOAD itself")
-        with named(self.deck.path, f"load {number} is not understood"):
-            cards, factors, _ = model.get_reduced_loads(number)
+        cards = self._cards(number)
         makers = {
             "FORCE": self._force, "FORCE1": self._force, "FORCE2": self._force,
             "MOMENT": self._force, "MOMENT1": self._force, "MOMENT2": self._force,
@@ -136,12 +136,55 @@ class LoadSets:
             "PLOAD1": self._pload1, "GRAV": self._grav, "RFORCE": self._rforce,
             "SLOAD": self._sload,
         }  # fmt: skip
-        unknown = Counter(card.type for card in cards if card.type not in makers)
+        unknown = Counter(card.type for card, _ in cards if card.type not in makers)
         if unknown:
             said = ", ".join(f"{kind} ({n})" for kind, n in sorted(unknown.items()))
             raise _LeftOut(f"{said} is not supported")
-        for card, factor in zip(cards, factors, strict=True):
-            makers[card.type](card, float(factor))
+        for card, factor in cards:
+            makers[card.type](card, factor)
+
+    def _cards(self, number: int) -> list[tuple[Any, float]]:
+        """Cards of a set with their factors; not its temperatures, which are a set of their own."""
+        model = self.deck.model
+        parts = [(number, 1.0)] if number in model.loads else []
+        for card in model.load_combinations.get(number, []):
+            numbers = [int(n) for n in card.load_ids]
+            if nested := [n for n in numbers if n in model.load_combinations]:
+                raise _LeftOut(f"it combines {min(nested)}, which is a LOAD itself")
+            if lost := sorted(set(numbers) - {*map(int, model.loads)}):
+                raise _LeftOut(f"it combines {lost[0]}, which is not in the deck")
+            factors = [float(card.scale) * float(x) for x in card.scale_factors]
+            parts += list(zip(numbers, factors, strict=True))
+        return [
+            (card, factor)
+            for n, factor in parts
+            for card in model.loads[n]
+            if not card.type.startswith("TEMP")
+        ]
+
+    def _system(self, card: Any) -> Any:
+        """The coordinate system of a card; None: the basic one."""
+        if card.Cid() in (0, None):
+            return None
+        if card.cid_ref is None:
+            raise _LeftOut(f"{card.type} in the system {card.Cid()}, which is not in the deck")
+        return card.cid_ref
+
+    def _turned(self, card: Any, vector: Floats) -> Floats:
+        """A vector in the system of a card, which has to be rectangular, in the basic one."""
+        system = self._system(card)
+        if system is None:
+            return vector
+        if system.type[-1] != "R":
+            raise _LeftOut(f"{card.type} in the system {card.Cid()}, which is not rectangular")
+        basic: Floats = vector @ np.asarray(system.beta(), dtype=float)
+        return basic
+
+    def _elements_of(self, card: Any) -> list[int]:
+        labels = [int(n) for n in card.eids]
+        if lost := sorted(set(labels) - {*map(int, self.deck.model.elements)}):
+            raise _LeftOut(f"{card.type} on element {lost[0]}, which is not in the deck")
+        return labels
 
     def _at_grids(self, name: str, found: dict[str, dict[str, Any]]) -> None:
         """Entries of the set that was collected."""
@@ -173,8 +216,8 @@ class LoadSets:
         turns = card.type.startswith("MOMENT")
         if card.type in ("FORCE", "MOMENT"):
             vector = np.asarray(card.xyz, dtype=float)
-            if card.Cid() != 0:
-                vector = vector @ self.deck.axes_at(card.cid_ref, self._place(grid))
+            if system := self._system(card):
+                vector = vector @ self.deck.axes_at(system, self._place(grid))
         elif card.type in ("FORCE1", "MOMENT1"):
             vector = self._unit(card, self._place(card.G2()) - self._place(card.G1()))
         else:
@@ -199,21 +242,13 @@ class LoadSets:
             self.forces[self.elements.scalars[int(node)] - 1, 0] += factor * float(size)
 
     def _grav(self, card: Any, factor: float) -> None:
-        vector = np.asarray(card.N, dtype=float)
-        if card.Cid() != 0:
-            if card.cid_ref.type[-1] != "R":
-                raise _LeftOut(f"GRAV in the system {card.Cid()}, which is not rectangular")
-            vector = vector @ np.asarray(card.cid_ref.beta(), dtype=float)
+        vector = self._turned(card, np.asarray(card.N, dtype=float))
         self.gravity += factor * float(card.scale) * vector
 
     def _rforce(self, card: Any, factor: float) -> None:
         if float(card.racc or 0.0):
             raise _LeftOut("RFORCE with an angular acceleration (RACC)")
-        axis = np.asarray(card.r123, dtype=float)
-        if card.Cid() != 0:
-            if card.cid_ref.type[-1] != "R":
-                raise _LeftOut(f"RFORCE in the system {card.Cid()}, which is not rectangular")
-            axis = axis @ np.asarray(card.cid_ref.beta(), dtype=float)
+        axis = self._turned(card, np.asarray(card.r123, dtype=float))
         size = float(np.linalg.norm(axis))
         speed = 2 * np.pi * float(card.scale) * size
         if not size > 0 or not factor > 0:
@@ -284,20 +319,18 @@ class LoadSets:
             self.forces[b, 3:] += (s**3 - s**2) * turned
 
     def _pload2(self, card: Any, factor: float) -> None:
-        for label in card.element_ids:
-            self._press_shell("PLOAD2", int(label), np.full(4, factor * float(card.pressure)))
+        for label in self._elements_of(card):
+            self._press_shell("PLOAD2", label, np.full(4, factor * float(card.pressure)))
 
     def _pload4(self, card: Any, factor: float) -> None:
         if card.surf_or_line not in ("SURF", None) or str(card.line_load_dir or "NORM") != "NORM":
             raise _LeftOut("PLOAD4 along lines")
         pressure = factor * np.asarray(card.pressures, dtype=float)
         direction = np.asarray(card.nvector if card.nvector is not None else np.zeros(3), float)
-        if direction.any() and card.Cid() not in (0, None):
-            if card.cid_ref.type[-1] != "R":
-                raise _LeftOut(f"PLOAD4 in the system {card.Cid()}, which is not rectangular")
-            direction = direction @ np.asarray(card.cid_ref.beta(), dtype=float)
+        if direction.any():
+            direction = self._turned(card, direction)
         along = direction / np.linalg.norm(direction) if direction.any() else None
-        for label in map(int, card.element_ids):
+        for label in self._elements_of(card):
             kind, cell = self._element("PLOAD4", label)
             if kind in CORNERS:
                 self._press_shell("PLOAD4", label, pressure, along)
@@ -385,7 +418,9 @@ class LoadSets:
                 raise _LeftOut(f"grid {self.deck.labels[k]} belongs to no element")
             six, self.forces[k] = self.forces[k].copy(), 0
             interface = self.rigid.interfaces[name]
-            self._share(np.array(interface["nodes"]) - 1, interface.get("weights"), k, six)
+            nodes = np.array(interface["nodes"]) - 1
+            of_nodes = share(self.points[nodes], self.points[k], six, interface.get("weights"))
+            np.add.at(self.forces, nodes, np.hstack(of_nodes))
         turning = np.zeros(len(self.forces), dtype=bool)
         turning[[self.deck.at(label) for label in self.elements.turning]] = True
         turning[len(self.deck.points) :] = True
@@ -400,43 +435,45 @@ class LoadSets:
             )
             self.forces[lost, 3:] = 0
 
-    def _share(self, nodes: Ints, weights: list[float] | None, at: int, six: Floats) -> None:
-        """A force and a moment on the nodes of an interface: by their weights and arms."""
-        w = np.ones(len(nodes)) if weights is None else np.asarray(weights, dtype=float)
-        x = self.points[nodes]
-        middle = w @ x / w.sum()
-        r = x - middle
-        moment = six[3:] + np.cross(self.points[at] - middle, six[:3])
-        inertia = np.einsum("n,na,nb->ab", w, r, r)
-        inertia = np.trace(inertia) * np.eye(3) - inertia
-        turn = np.linalg.lstsq(inertia, moment, rcond=1e-9)[0]
-        forces = w[:, None] * (six[:3] / w.sum() + np.cross(turn, r))
-        np.add.at(self.forces[:, :3], nodes, forces)
-        left = moment - inertia @ turn  # about the line on which all of them lie
-        if np.linalg.norm(left) > 1e-9 * max(float(np.linalg.norm(moment)), 1e-300):
-            np.add.at(self.forces[:, 3:], nodes, w[:, None] * left / w.sum())
-
     def _temperature(self, number: int) -> dict[str, Any]:
         """Temperatures above those without stress."""
         model = self.deck.model
         cards = model.loads.get(number, [])
-        others = Counter(card.type for card in cards if card.type != "TEMP")
+        others = Counter(
+            card.type for card in cards if card.type.startswith("TEMP") and card.type != "TEMP"
+        )
+        others.update(kind for kind, of in self.deck.heat_of_elements if of == number)
+        others.pop("TEMPD", None)
         if others:
             said = ", ".join(f"{kind} ({n})" for kind, n in sorted(others.items()))
             raise _LeftOut(f"{said} is not supported")
         without = [name for name, of in self.elements.materials.entries.items()
-                   if "expansion" not in of]  # fmt: skip
+                   if "expansion" not in of and not name.endswith("_shear")]  # fmt: skip
         if without:
             raise _LeftOut(f"material {without[0]} has no expansion, or one that shears")
         above = self._field(number) - self._start()
         used = np.array([self.deck.at(label) for label in sorted(self.elements.used)])
-        if not np.all(np.isfinite(above[used])):
-            grid = self.deck.labels[used[~np.isfinite(above[used])][0]]
+        warm = np.append(above, np.zeros(len(self.points) - len(above)))
+        more = []
+        for arm in self.elements.arms:  # ends of beams are as warm as their grids
+            warm[arm.end] = above[self.deck.at(arm.grid)]
+            more.append(arm.end)
+        for _, nodes in self.elements.beams.values():  # and tapered ones between
+            for k, node in enumerate(nodes[1:-1], 1):
+                share = k / (len(nodes) - 1)
+                warm[node] = (1 - share) * warm[nodes[0]] + share * warm[nodes[-1]]
+                more.append(node)
+        used = np.concatenate([used, np.array(more, dtype=np.int64)])
+        if not np.all(np.isfinite(warm[used])):
+            first = int(used[~np.isfinite(warm[used])][0])
+            grids = {arm.end: arm.grid for arm in self.elements.arms}
+            grid = grids.get(first, self.deck.labels[min(first, len(above) - 1)])
             raise _LeftOut(f"grid {grid} has no temperature (TEMP, TEMPD)")
-        warm = used[above[used] != 0]
-        if not len(warm):
+        used = np.unique(used)
+        used = used[warm[used] != 0]
+        if not len(used):
             raise _LeftOut("it is that without stress")
-        return {"type": "temperature", "table": np.column_stack([warm + 1, above[warm]])}
+        return {"type": "temperature", "table": np.column_stack([used + 1, warm[used]])}
 
     def _field(self, number: int) -> Floats:
         """Temperatures (G,) of grids; NaN where none is given."""
@@ -444,7 +481,7 @@ class LoadSets:
         field = np.full(len(self.deck.points), np.nan)
         if number in model.tempds:
             field[:] = float(model.tempds[number].temperature)
-        for card in model.loads.get(number, []):
+        for card in (c for c in model.loads.get(number, []) if c.type == "TEMP"):
             for label, value in card.temperatures.items():
                 field[self.deck.at(int(label))] = float(value)
         return field

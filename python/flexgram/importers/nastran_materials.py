@@ -36,6 +36,8 @@ def _expansion(card: Any) -> float | list[float] | None:
     """Along the axes of a material, if it is all that there is of it [1/K]."""
     if card.type == "MAT1":
         return float(card.a or 0.0) or None
+    if card.type not in ("MAT2", "MAT8"):
+        return None
     along = [float(x or 0.0) for x in (card.a1, card.a2)]
     shears = card.type == "MAT2" and card.a3
     return [*along, 0.0] if any(along) and not shears else None
@@ -74,10 +76,11 @@ class Materials:
         loss: float | None = None,
         *,
         beam: bool = False,
+        reference: float | None = None,
     ) -> str:
-        """Name of a material of property ``number``, with ``more`` density, and another loss
-        factor. Of a MAT1 whose E, G and NU do not belong together beams have E and G, others E and
-        NU, as in Nastran."""
+        """Name of a material of property ``number``, with ``more`` density, another loss factor,
+        and another temperature without stress than its own (TREF). Of a MAT1 whose E, G and NU do
+        not belong together beams have E and G, others E and NU, as in Nastran."""
         if card is None:
             raise BodyError(f"{self.deck.path}: property {number}: its material is missing")
         name = f"mat{card.mid}" + (f"_{more:.9g}" if more else "")
@@ -86,6 +89,8 @@ class Materials:
             raise self.deck.refuse(card.type, card.mid, "beams have a MAT1")
         if beam and (own_shear(card) or not -1 < float(card.nu or 0.0) < 0.5):
             name += "_beam"
+        if _expansion(card):
+            self.references.add(float((card.tref if reference is None else reference) or 0.0))
         if name in self.entries:
             return name
         rho = self._density(card, more)
@@ -119,7 +124,6 @@ class Materials:
             entry["loss_factor"] = loss
         if expansion := _expansion(card):
             entry["expansion"] = expansion
-            self.references.add(float(card.tref or 0.0))
         self.entries[name] = entry
         return name
 

@@ -189,6 +189,8 @@ class RigidElements:
             fixed = sorted(n for n in nodes if n in held)
             bare = [self.deck.at(n) + 1 for n in nodes if n not in self.elements.used]
             nodes = [n for n in dict.fromkeys(nodes) if n in self.elements.used]
+            if reference in held and held[reference] >= set(range(1, 7)):
+                self.grounded.update(bare)
             if not nodes:
                 self.deck.remarks.append(
                     f"{name} is left out: the grids that it moves belong to no element"

@@ -14,6 +14,7 @@ from flexgram.basics import BodyError, Floats, Ints, errors_of
 from flexgram.body.meshfile import SHELLS, SOLIDS
 from flexgram.body.shell_field import ShellField
 from flexgram.body.shell_stress import SIDES
+from flexgram.body.strain import deforming, rigid_interfaces
 from flexgram.body.stress import Stresses, principal, signed_von_mises, temperatures, von_mises
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.reduced import ReducedBody
@@ -60,8 +61,17 @@ class StressField:
 
 
 def _kinds(path: Path) -> set[str]:
+    """Types of elements that deform."""
     with errors_of(path), h5py.File(path) as file:
-        return {str(b.attrs["type"]) for b in file.get("mesh/blocks", {}).values()}
+        if "mesh" not in file:
+            return set()
+        follows = rigid_interfaces(file)
+        blocks = file["mesh/blocks"].values()
+        return {
+            str(block.attrs["type"])
+            for block in blocks
+            if deforming(block["connectivity"][:], follows).any()
+        }
 
 
 def has_stress(model: ReducedBody, body: str | Path | None = None) -> bool:
