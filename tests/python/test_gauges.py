@@ -302,3 +302,12 @@ def test_what_has_no_imported_outputs(tmp_path: Path) -> None:
             [parse("node", "end=NSET:END")],
             outputs={"s": {"type": "stress", "nodes": [40]}},
         )
+
+
+def test_stress_of_some_shells_on_the_command_line() -> None:
+    """Around a node where walls meet: the elements behind a stroke."""
+    name, entry = describe_output("weld=stress/top:NODES:231/ELEMENTS:220,221")
+    assert name == "weld" and entry["elements"] == [220, 221]
+    assert entry == {"type": "stress", "side": "top", "elements": [220, 221], "nodes": [231]}
+    with pytest.raises(BodyError, match="expected numbers of elements: NODES:7/ELEMENTS:5,6"):
+        describe_output("weld=stress/top:NODES:231/ELEMENTS:wall")

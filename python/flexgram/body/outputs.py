@@ -100,7 +100,7 @@ class _Stresses:
                 return "middle"
             raise BodyError(
                 f"{entry.where}: name the side of the shell: top (where its normal points), "
-                "middle or bottom"
+                "middle or bottom (side: top; stress/top:NODES:7 of --measure)"
             )
         return ""
 

@@ -37,8 +37,6 @@ from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.fe import FeMatrices
 
 CARDS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
-#: Cards of steps that are none of these, and look like them.
-NEAR = ("FLOAD", "BLOAD", "ALOAD")
 #: Options of a card by which it is something else than a force of its values.
 OTHER = ("LOAD CASE", "SUBMODEL", "USER", "SECTOR", "OMEGA0", "FILE", "BSTEP")
 #: Sections of shells and membranes.
@@ -457,7 +455,7 @@ class _Loads:
         spun: set[int] = set()
         for card in cards:
             near = difflib.get_close_matches(card.keyword, (*CARDS, "BOUNDARY"), 1, 0.8)
-            if near and card.keyword not in (*CARDS, "BOUNDARY", *NEAR):
+            if near and card.keyword not in (*CARDS, "BOUNDARY"):
                 self.remarks.append(f"*{card.keyword} is passed over: did you mean *{near[0]}?")
             if card.keyword not in CARDS or self.deck is None:
                 continue

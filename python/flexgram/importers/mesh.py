@@ -68,7 +68,8 @@ def describe_output(text: str) -> tuple[str, dict[str, Any]]:
     """Name and entry of an output, ``NAME=[stress:|gauge:|reaction:]NODES``; a gauge has its
     direction before the nodes, a rosette also the normal of the surface, and a stress may be of
     ``ELEMENTS:1,2``, at one integration point of ``ELEMENTS:1,2@POINT``. Of shells with a side,
-    ``stress/top:`` and ``gauge/top:``."""
+    ``stress/top:`` and ``gauge/top:``; where walls meet of some elements around a node,
+    ``stress/top:NODES:7/ELEMENTS:1,2``."""
     name, _, rest = text.partition("=")
     kind, colon, nodes = rest.partition(":")
     kind, _, side = kind.partition("/")
@@ -90,6 +91,15 @@ def describe_output(text: str) -> tuple[str, dict[str, Any]]:
                 f"--measure {text}: expected numbers of elements and one point: ELEMENTS:5,6@2"
             ) from None
         return name, entry
+    if kind == "stress" and "/ELEMENTS:" in nodes.upper():
+        cut = nodes.upper().index("/ELEMENTS:")
+        try:
+            entry["elements"] = [int(n) for n in nodes[cut + len("/ELEMENTS:") :].split(",")]
+        except ValueError:
+            raise BodyError(
+                f"--measure {text}: expected numbers of elements: NODES:7/ELEMENTS:5,6"
+            ) from None
+        nodes = nodes[:cut]
     return name, {**entry, "nodes": _choice(parse("measure", f"{name}={nodes}"))}
 
 

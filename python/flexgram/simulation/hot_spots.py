@@ -198,12 +198,13 @@ def describe(spots: list[HotSpot]) -> list[str]:
         more = f", elements: {list(spot.elements)}" if spot.elements else ""
         more += f", side: {spot.side}" if spot.side else ""
         lines.append(f"  spot{k}: {{type: stress, nodes: [{spot.node}]{more}}}")
-    if not any(spot.elements for spot in spots):
-        side = "/SIDE" if any(spot.side for spot in spots) else ""
-        lines.append(
-            f"or by the import: --measure NAME=stress{side}:AT:x,y,z, with these places in the "
-            "units of its files (here they are in metres)"
-        )
+    side = "/SIDE" if any(spot.side for spot in spots) else ""
+    among = "/ELEMENTS:1,2" if any(spot.elements for spot in spots) else ""
+    lines.append(
+        f"or by the import: --measure NAME=stress{side}:AT:x,y,z{among}, with these places in the "
+        "units of its files (here they are in metres)"
+        + (", and these elements where there are some" if among else "")
+    )
     return lines
 
 
