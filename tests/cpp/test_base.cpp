@@ -146,6 +146,7 @@ TEST(Base, SuggestionsAreNearOrNone) {
   const std::vector<std::string> known{"--tol", "--tol-of", "--band", "--body"};
   EXPECT_EQ(suggestion("--tolerance", known), ": did you mean --tol?");
   EXPECT_EQ(suggestion("--bnd", known), ": did you mean --band?");
+  EXPECT_EQ(suggestion("--bnad", known), ": did you mean --band?"); // two letters swapped
   EXPECT_EQ(suggestion("--tol_of", known), ": did you mean --tol-of?");
   EXPECT_EQ(suggestion("--wobble", known), "");
   EXPECT_EQ(quoted("out/a b.h5"), "'out/a b.h5'");

@@ -417,14 +417,15 @@ def test_gravity_of_layers_and_membranes(tmp_path: Path) -> None:
             *("*MATERIAL, NAME=M", "*ELASTIC", f"{E}, {NU}", "*DENSITY", "8000."),
             *("*MATERIAL, NAME=N", "*ELASTIC", f"{E}, {NU}", "*DENSITY", "3000."),
             *(section, "*STEP", "*STATIC", "*DLOAD", "E, GRAV, 9.81, 0., 0., -1."),
-            *("*DLAOD", "E, P, 1.", "*END STEP"),
+            *("*DLOAD", ", GRAV, 9.81, 0., 0., -1.", "*DLAOD", "E, P, 1.", "*END STEP"),
         ]
         (tmp_path / "g.inp").write_text("\n".join(text) + "\n")
         facts = assemble_deck(
             tmp_path / "g.inp", tmp_path / "b.h5", [parse("node", "tip=NODES:3")], deck_loads=True
         )
         weight = 9.81 * LENGTH * WIDTH * mass
-        assert f"(0, 0, {-weight:.4g}) N in all" in facts["loads"]["step1_dload"]
+        for name in ("step1_dload", "step1_dload2"):
+            assert f"(0, 0, {-weight:.4g}) N in all" in facts["loads"][name]
         assert "*DLAOD is passed over: did you mean *DLOAD?" in str(facts["remarks"])
 
 

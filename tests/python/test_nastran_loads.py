@@ -12,6 +12,7 @@ import pytest
 from test_nastran_whole import E_, PLAIN, bars
 
 from conftest import assembled, run
+from flexgram import BodyError
 from flexgram.importers import parse
 from flexgram.importers.nastran_bulk import assemble_bulk
 
@@ -470,3 +471,20 @@ def test_scalar_points_and_what_is_held(tmp_path: Path) -> None:
     cards = "GRID,30,,0.,1.,0.\nRBE2,7,1,123456,30\nFORCE,1,30,,1.,1.\nFORCE,1,5,,2.,1.\n"
     a = Body(tmp_path, with_cards(cards))
     np.testing.assert_allclose(a.total("load1.load")[:3], [2, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("cards", "words"),
+    [
+        ("FORCE,1,8888,,1.,1.\n", "grid 8888 of FORCE sid=1 is not in the deck"),
+        ("CQUAD4,2,1,1,2,4,77\n", "grid 77 of CQUAD4 eid=2 is not in the deck"),
+        ("FORCE,1,4,,five,1.\n", "pyNastran cannot read it: mag = 'FIVE'"),
+        ("PSHELL,2,5,0.01\nCQUAD4,2,2,1,2,4,3\n", "is not in the deck: PSHELL"),
+    ],
+)
+def test_mistakes_are_named(cards: str, words: str, tmp_path: Path) -> None:
+    """Without the lists of what is there."""
+    with pytest.raises(BodyError) as refused:
+        Body(tmp_path, sheet(cards), "tip=NODES:4")
+    assert words in str(refused.value) and "is the file complete" not in str(refused.value)
+    assert len(str(refused.value)) < 400

@@ -154,7 +154,11 @@ def supports_of(
                 labels: Iterable[int] = (
                     [int(words[0])] if words[0].isdigit() else deck.sets[words[0].upper()]
                 )
-            except (IndexError, ValueError, KeyError):
+            except KeyError:
+                raise BodyError(
+                    f"{job.path}: *BOUNDARY {', '.join(words)!r}: there is no node set {words[0]}"
+                ) from None
+            except (IndexError, ValueError):
                 raise BodyError(
                     f"{job.path}: *BOUNDARY {', '.join(words)!r}: expected a node or "
                     "node set, and directions"

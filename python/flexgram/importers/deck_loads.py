@@ -166,6 +166,8 @@ class _Deck:
         return self._members(card, word, self.deck.sets, self.deck.labels, "node")
 
     def elements(self, card: Card, word: str) -> list[int]:
+        if not word:  # of Abaqus: the whole model
+            return [label for label in self.deck.elements if label in self.density]
         return self._members(card, word, self.deck.elsets, self.deck.elements, "element")
 
     def by_kind(

@@ -112,11 +112,23 @@ def reading(path: Path) -> Iterator[tuple[Any, Path]]:
     except BodyError:
         raise
     except (Exception, SystemExit) as error:
-        reason = " ".join(str(error).split())[:300]
-        raise BodyError(
-            f"{path}: pyNastran cannot read it ({reason or type(error).__name__}); is the file "
-            "complete?"
-        ) from error
+        raise BodyError(f"{path}: {_in_words(error)}") from error
+
+
+def _in_words(error: BaseException) -> str:
+    """What pyNastran says, without its lists."""
+    said = " ".join(str(error).replace("\\n", " ").split()).strip("'")
+    if missing := re.search(r"(\w+)=(\d+) is not .*?required by (\w+) (\w+=\d+)", said):
+        kind = {"nid": "grid", "eid": "element", "mid": "material", "pid": "property"}
+        what = kind.get(missing[1], missing[1])
+        return f"{what} {missing[2]} of {missing[3]} {missing[4]} is not in the deck"
+    if missing := re.search(r"KeyError: '(\w+)' card=(.*)", said):
+        card = missing[2].strip()[:80]
+        return f"something that a card refers to ({missing[1]}) is not in the deck: {card}"
+    if "must be a" in said:  # a word in the place of a number
+        return f"pyNastran cannot read it: {said[:300]}"
+    reason = said[:300] or type(error).__name__
+    return f"pyNastran cannot read it ({reason}); is the file complete?"
 
 
 def _bulk_data(path: Path, punch: bool | None) -> Any:
