@@ -14,8 +14,9 @@ namespace flexgram {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-/// How close the supremum is to come to an attained value.
-constexpr double close = 1.05;
+/// How close the supremum is to come to an attained value; that of a kind which is far below the
+/// tolerance need not be as close.
+constexpr double close = 1.05, close_of_small = 1.5, small_share = 0.1;
 
 double largest(const std::vector<double>& values) {
   return *std::max_element(values.begin(), values.end());
@@ -144,11 +145,14 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   const double blurred = medium_.model().has_many_ports() ? 0.1 * level : 0.0;
   const auto priority = [&](const Look& seen) {
     double most_promising = 0;
-    for (std::size_t v = 0; v < views; ++v)
-      if (!(seen.upper[v] <= blurred)) // NaN too
-        most_promising = std::max(most_promising, best[v] > 0 ? seen.upper[v] / best[v]
-                                                  : seen.upper[v] > 0 ? infinity
-                                                                      : 0.0);
+    for (std::size_t v = 0; v < views; ++v) {
+      if (seen.upper[v] <= blurred) continue; // NaN is not
+      double ratio = best[v] > 0         ? seen.upper[v] / best[v]
+                     : seen.upper[v] > 0 ? infinity
+                                         : 0.0;
+      if (v > 0 && seen.upper[v] <= small_share * level) ratio *= close / close_of_small;
+      most_promising = std::max(most_promising, ratio);
+    }
     return most_promising;
   };
   std::priority_queue<Open> open;

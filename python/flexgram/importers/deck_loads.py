@@ -484,6 +484,10 @@ class _Loads:
             except LeftOut as reason:
                 self.remarks.append(f"load {name + again} is left out: {reason}")
         if self.deck is not None and "TEMPERATURE" in count:
+            if not self.deck.start:
+                self.remarks.append(
+                    "no *INITIAL CONDITIONS, TYPE=TEMPERATURE: temperatures count from 0"
+                )
             above = self.now - self.deck.initial()
             deck = self.deck.deck
             of_shells = [nodes for kind, nodes in deck.elements.values() if kind in SHELL_KINDS]
