@@ -227,6 +227,10 @@ def named(path: Path, what: str) -> Any:
         ) from error
 
 
+class LeftOut(Exception):
+    """A load set that is left out, and why."""
+
+
 class BulkDeck:
     """A model of pyNastran: its grids, and what is said of the reading."""
 

@@ -14,22 +14,16 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import Floats, Ints
-from flexgram.body.face_integrals import corners_of, face_functions, face_rule
-from flexgram.body.faces import CORNERS, FACES, LINEAR, MIDDLES
-from flexgram.importers.nastran_deck import BulkDeck
+from flexgram.body.face_integrals import corners_of
+from flexgram.body.faces import CORNERS
+from flexgram.importers.nastran_deck import BulkDeck, LeftOut
 from flexgram.importers.nastran_elements import Elements
+from flexgram.importers.nastran_heat import TemperatureSets, is_heat
+from flexgram.importers.nastran_pressure import along_beam, face_of, inward, pressed
 from flexgram.importers.nastran_rigid import RigidElements
 from flexgram.importers.shared_load import share
 
 OF_LOADS = ("FORCE", "MOMENT", "PLOAD", "GRAV", "ACCEL", "RFORCE", "SLOAD", "TEMP")
-
-
-class _LeftOut(Exception):
-    """Why a set is left out."""
-
-
-def _is_force(card: Any) -> bool:
-    return not card.type.startswith("TEMP")
 
 
 class LoadSets:
@@ -71,14 +65,14 @@ class LoadSets:
             try:
                 self._collect(number)
                 self._at_grids(name, found)
-            except _LeftOut as reason:
+            except LeftOut as reason:
                 self.deck.remark(f"load {number} is left out: {reason}")
-        heat = {*self._of_heat(), *map(int, self.deck.model.tempds)}
-        heat |= {number for _, number in self.deck.heat_of_elements}
-        for number in self._chosen("TEMPERATURE(LOAD)", heat, heat):
+        heat = TemperatureSets(self.deck, self.elements)
+        numbers = heat.numbers()
+        for number in self._chosen("TEMPERATURE(LOAD)", numbers, numbers):
             try:
-                found[f"temperature{number}"] = self._temperature(number)
-            except _LeftOut as reason:
+                found[f"temperature{number}"] = heat.entry(number)
+            except LeftOut as reason:
                 self.deck.remark(f"temperature {number} is left out: {reason}")
         return found
 
@@ -92,14 +86,9 @@ class LoadSets:
             if card.type == "LOAD"
         ]
         parts = {int(n) for card in combined for n in card.load_ids}
-        forces = {int(n) for n, of in model.loads.items() if any(_is_force(c) for c in of)}
+        forces = {int(n) for n, of in model.loads.items() if not all(map(is_heat, of))}
         every = {int(card.sid) for card in combined} | forces
         return every, every - parts
-
-    def _of_heat(self) -> set[int]:
-        """Numbers of the sets that are temperatures."""
-        cards = self.deck.model.loads.items()
-        return {int(n) for n, of in cards if any(c.type.startswith("TEMP") for c in of)}
 
     def _chosen(self, kind: str, known: set[int], alone: set[int]) -> list[int]:
         """The sets of all cases; where none chooses one, those alone."""
@@ -122,7 +111,7 @@ class LoadSets:
 
         Raises
         ------
-        _LeftOut
+        LeftOut
             If one of its cards is not supported.
         """
         self.forces[:] = 0
@@ -139,7 +128,7 @@ class LoadSets:
         unknown = Counter(card.type for card, _ in cards if card.type not in makers)
         if unknown:
             said = ", ".join(f"{kind} ({n})" for kind, n in sorted(unknown.items()))
-            raise _LeftOut(f"{said} is not supported")
+            raise LeftOut(f"{said} is not supported")
         for card, factor in cards:
             makers[card.type](card, factor)
 
@@ -150,16 +139,13 @@ class LoadSets:
         for card in model.load_combinations.get(number, []):
             numbers = [int(n) for n in card.load_ids]
             if nested := [n for n in numbers if n in model.load_combinations]:
-                raise _LeftOut(f"it combines {min(nested)}, which is a LOAD itself")
+                raise LeftOut(f"it combines {min(nested)}, which is a LOAD itself")
             if lost := sorted(set(numbers) - {*map(int, model.loads)}):
-                raise _LeftOut(f"it combines {lost[0]}, which is not in the deck")
+                raise LeftOut(f"it combines {lost[0]}, which is not in the deck")
             factors = [float(card.scale) * float(x) for x in card.scale_factors]
             parts += list(zip(numbers, factors, strict=True))
         return [
-            (card, factor)
-            for n, factor in parts
-            for card in model.loads[n]
-            if not card.type.startswith("TEMP")
+            (card, factor) for n, factor in parts for card in model.loads[n] if not is_heat(card)
         ]
 
     def _system(self, card: Any) -> Any:
@@ -167,7 +153,7 @@ class LoadSets:
         if card.Cid() in (0, None):
             return None
         if card.cid_ref is None:
-            raise _LeftOut(f"{card.type} in the system {card.Cid()}, which is not in the deck")
+            raise LeftOut(f"{card.type} in the system {card.Cid()}, which is not in the deck")
         return card.cid_ref
 
     def _turned(self, card: Any, vector: Floats) -> Floats:
@@ -176,14 +162,14 @@ class LoadSets:
         if system is None:
             return vector
         if system.type[-1] != "R":
-            raise _LeftOut(f"{card.type} in the system {card.Cid()}, which is not rectangular")
+            raise LeftOut(f"{card.type} in the system {card.Cid()}, which is not rectangular")
         basic: Floats = vector @ np.asarray(system.beta(), dtype=float)
         return basic
 
     def _elements_of(self, card: Any) -> list[int]:
         labels = [int(n) for n in card.eids]
         if lost := sorted(set(labels) - {*map(int, self.deck.model.elements)}):
-            raise _LeftOut(f"{card.type} on element {lost[0]}, which is not in the deck")
+            raise LeftOut(f"{card.type} on element {lost[0]}, which is not in the deck")
         return labels
 
     def _at_grids(self, name: str, found: dict[str, dict[str, Any]]) -> None:
@@ -205,7 +191,7 @@ class LoadSets:
                 f"{square:.9g} rad²/s²"
             )
         if not (len(used) or self.gravity.any() or self.spins):
-            raise _LeftOut("it vanishes")
+            raise LeftOut("it vanishes")
 
     def _place(self, label: int) -> Floats:
         place: Floats = self.deck.points[self.deck.at(int(label))]
@@ -224,21 +210,21 @@ class LoadSets:
             ends = [self._place(n) for n in (card.G1(), card.G2(), card.G3(), card.G4())]
             vector = self._unit(card, np.cross(ends[1] - ends[0], ends[3] - ends[2]))
         if grid in self.elements.scalars:
-            raise _LeftOut(f"{card.type} at the scalar point {grid}")
+            raise LeftOut(f"{card.type} at the scalar point {grid}")
         self.forces[self.deck.at(grid), 3 * turns : 3 * turns + 3] += factor * card.mag * vector
 
     @staticmethod
     def _unit(card: Any, vector: Floats) -> Floats:
         size = float(np.linalg.norm(vector))
         if not size > 0:
-            raise _LeftOut(f"{card.type} at grid {card.node_id} has no direction")
+            raise LeftOut(f"{card.type} at grid {card.node_id} has no direction")
         unit: Floats = vector / size
         return unit
 
     def _sload(self, card: Any, factor: float) -> None:
         for node, size in zip(card.node_ids, card.mags, strict=True):
             if int(node) not in self.elements.scalars:
-                raise _LeftOut(f"SLOAD at {node}, which is no scalar point")
+                raise LeftOut(f"SLOAD at {node}, which is no scalar point")
             self.forces[self.elements.scalars[int(node)] - 1, 0] += factor * float(size)
 
     def _grav(self, card: Any, factor: float) -> None:
@@ -247,28 +233,28 @@ class LoadSets:
 
     def _rforce(self, card: Any, factor: float) -> None:
         if float(card.racc or 0.0):
-            raise _LeftOut("RFORCE with an angular acceleration (RACC)")
+            raise LeftOut("RFORCE with an angular acceleration (RACC)")
         axis = self._turned(card, np.asarray(card.r123, dtype=float))
         size = float(np.linalg.norm(axis))
         speed = 2 * np.pi * float(card.scale) * size
         if not size > 0 or not factor > 0:
-            raise _LeftOut("RFORCE without an axis, or with a negative factor")
+            raise LeftOut("RFORCE without an axis, or with a negative factor")
         point = self._place(card.node_id) if card.node_id else np.zeros(3)
         self.spins.append((factor * speed**2, point, axis / size))
 
     def _pload(self, card: Any, factor: float) -> None:
         cell = np.array([self.deck.at(int(n)) for n in card.node_ids if n])
         if len(cell) not in (3, 4):
-            raise _LeftOut("PLOAD between other than 3 or 4 grids")
+            raise LeftOut("PLOAD between other than 3 or 4 grids")
         self._press(cell, np.full(len(cell), factor * float(card.pressure)))
 
     def _pload1(self, card: Any, factor: float) -> None:
         """Forces and moments along a beam, by the cubic functions of its bending."""
         label, kind = int(card.eid), str(card.load_type)
         if label not in self.elements.beams:
-            raise _LeftOut(f"PLOAD1 on element {label}, which is no beam")
+            raise LeftOut(f"PLOAD1 on element {label}, which is no beam")
         if card.scale not in ("LE", "FR"):
-            raise _LeftOut(f"PLOAD1 by projected length ({card.scale})")
+            raise LeftOut(f"PLOAD1 by projected length ({card.scale})")
         axes, nodes = self.elements.beams[label]
         x = self.points[nodes]
         length = float(np.linalg.norm(x[-1] - x[0]))
@@ -279,7 +265,7 @@ class LoadSets:
         first, last = float(card.x1) / unit, float(card.x1 if card.x2 is None else card.x2) / unit
         p1, p2 = float(card.p1), float(card.p1 if card.p2 is None else card.p2)
         if not 0 <= first <= last <= 1 + 1e-9:
-            raise _LeftOut(f"PLOAD1 beside the beam {label}")
+            raise LeftOut(f"PLOAD1 beside the beam {label}")
         if last - first < 1e-12:
             at, sizes = np.array([first]), np.array([p1])
         else:
@@ -290,33 +276,10 @@ class LoadSets:
             sizes = (half[:, None] * weight).ravel() * length
             sizes = sizes * (p1 + (p2 - p1) * (at - first) / (last - first))
         for place, size in zip(at.tolist(), (factor * sizes).tolist(), strict=True):
-            self._along_beam(axes[0], nodes, place, size * direction, kind[0] == "M")
-
-    def _along_beam(
-        self, along: Floats, nodes: list[int], place: float, vector: Floats, turns: bool
-    ) -> None:
-        """A force, or a moment, at a place from 0 to 1."""
-        pieces = len(nodes) - 1
-        k = min(int(place * pieces), pieces - 1)
-        a, b = nodes[k], nodes[k + 1]
-        length, s = float(np.linalg.norm(self.points[b] - self.points[a])), place * pieces - k
-        lengthwise = (vector @ along) * along
-        across = vector - lengthwise
-        turn = 3 if turns else 0
-        self.forces[a, turn : turn + 3] += (1 - s) * lengthwise
-        self.forces[b, turn : turn + 3] += s * lengthwise
-        if turns:
-            push = np.cross(across, along) * 6 * s * (s - 1) / length
-            self.forces[a, :3] += push
-            self.forces[b, :3] -= push
-            self.forces[a, 3:] += (1 - 4 * s + 3 * s**2) * across
-            self.forces[b, 3:] += (3 * s**2 - 2 * s) * across
-        else:
-            turned = length * np.cross(along, across)
-            self.forces[a, :3] += (1 - 3 * s**2 + 2 * s**3) * across
-            self.forces[b, :3] += (3 * s**2 - 2 * s**3) * across
-            self.forces[a, 3:] += (s - 2 * s**2 + s**3) * turned
-            self.forces[b, 3:] += (s**3 - s**2) * turned
+            ends, of_ends = along_beam(
+                self.points, axes[0], nodes, place, size * direction, turns=kind[0] == "M"
+            )
+            self.forces[ends] += of_ends
 
     def _pload2(self, card: Any, factor: float) -> None:
         for label in self._elements_of(card):
@@ -324,7 +287,7 @@ class LoadSets:
 
     def _pload4(self, card: Any, factor: float) -> None:
         if card.surf_or_line not in ("SURF", None) or str(card.line_load_dir or "NORM") != "NORM":
-            raise _LeftOut("PLOAD4 along lines")
+            raise LeftOut("PLOAD4 along lines")
         pressure = factor * np.asarray(card.pressures, dtype=float)
         direction = np.asarray(card.nvector if card.nvector is not None else np.zeros(3), float)
         if direction.any():
@@ -335,51 +298,23 @@ class LoadSets:
             if kind in CORNERS:
                 self._press_shell("PLOAD4", label, pressure, along)
                 continue
-            face = self._face(label, kind, cell, card)
+            if card.g1_ref is None:
+                raise LeftOut(f"PLOAD4 on the solid {label} names no grid of a face")
+            first = self.deck.at(int(card.g1_ref.nid))
+            other = None if card.g34_ref is None else self.deck.at(int(card.g34_ref.nid))
+            face = face_of(kind, cell, first, other)
+            if face is None:
+                raise LeftOut(f"PLOAD4 on element {label}: its grids name no face")
             corners = corners_of(len(face))
-            order = self._from(face[:corners], self.deck.at(int(card.g1_ref.nid)))
+            order = inward(face[:corners], first)
             values = np.empty(corners)
             values[order] = pressure[:corners]
             self._press(face, -values if along is None else values, along)
 
     def _element(self, card: str, label: int) -> tuple[str, list[int]]:
         if label not in self.where:
-            raise _LeftOut(f"{card} on element {label}, which is no solid and no shell")
+            raise LeftOut(f"{card} on element {label}, which is no solid and no shell")
         return self.where[label]
-
-    @staticmethod
-    def _from(corners: Ints, first: int) -> list[int]:
-        """The corners of a face in the order from ``first`` on, as Nastran gives pressures: seen
-        from outside it runs the other way round."""
-        at = corners.tolist().index(first)
-        return [(at - k) % len(corners) for k in range(len(corners))]
-
-    def _face(self, label: int, kind: str, cell: list[int], card: Any) -> Ints:
-        """That of a solid which G1 and G3 or G4 name: its nodes, outward."""
-        if card.g1_ref is None:
-            raise _LeftOut(f"PLOAD4 on the solid {label} names no grid of a face")
-        g1 = self.deck.at(int(card.g1_ref.nid))
-        other = None if card.g34_ref is None else self.deck.at(int(card.g34_ref.nid))
-        linear = LINEAR.get(kind, kind)
-        found = []
-        for face in FACES.get(linear, ()):
-            nodes = [cell[k] for k in face]
-            if g1 not in nodes:
-                continue
-            if linear == "tetra":
-                fits = other is not None and other not in nodes
-            elif other is None:
-                fits = len(nodes) == 3
-            else:  # across from each other
-                fits = len(nodes) == 4 and nodes[(nodes.index(g1) + 2) % 4] == other
-            if fits:
-                found.append(face)
-        if len(found) != 1:
-            raise _LeftOut(f"PLOAD4 on element {label}: its grids name no face")
-        face, middles = found[0], MIDDLES.get(kind, {})
-        edges = zip(face, (*face[1:], face[0]), strict=True)
-        between = [middles[frozenset(edge)] for edge in edges] if middles else []
-        return np.array([cell[k] for k in (*face, *between)])
 
     def _press_shell(
         self, card: str, label: int, pressure: Floats, along: Floats | None = None
@@ -387,21 +322,11 @@ class LoadSets:
         """Along its normal, or another direction."""
         kind, cell = self._element(card, label)
         if kind not in CORNERS:
-            raise _LeftOut(f"{card} on element {label}, which is no shell")
+            raise LeftOut(f"{card} on element {label}, which is no shell")
         self._press(np.array(cell), pressure[: CORNERS[kind]], along)
 
     def _press(self, face: Ints, pressure: Floats, along: Floats | None = None) -> None:
-        """A pressure, given at the corners of a face and linear between them, along its normal."""
-        corners = corners_of(len(face))
-        xi, weights = face_rule(corners)
-        N, dN = face_functions(len(face), xi)
-        between, _ = face_functions(corners, xi)
-        tangents = np.einsum("qna,nx->qax", dN, self.points[face])
-        normals = np.cross(tangents[:, 0], tangents[:, 1])
-        if along is not None:
-            normals = np.linalg.norm(normals, axis=1)[:, None] * along
-        here = np.einsum("q,qn,q,qx->nx", weights, N, between @ pressure, normals)
-        np.add.at(self.forces[:, :3], face, here)
+        np.add.at(self.forces[:, :3], face, pressed(self.points[face], pressure, along))
 
     def _spread(self) -> None:
         """Forces at grids that only interfaces move, on the nodes of these, as their RBE2 or RBE3
@@ -415,7 +340,7 @@ class LoadSets:
                 self.forces[k] = 0  # it is held
                 continue
             if name is None:
-                raise _LeftOut(f"grid {self.deck.labels[k]} belongs to no element")
+                raise LeftOut(f"grid {self.deck.labels[k]} belongs to no element")
             six, self.forces[k] = self.forces[k].copy(), 0
             interface = self.rigid.interfaces[name]
             nodes = np.array(interface["nodes"]) - 1
@@ -434,66 +359,3 @@ class LoadSets:
                 f"{self.deck.labels[lost[0]]}, as AUTOSPC does"
             )
             self.forces[lost, 3:] = 0
-
-    def _temperature(self, number: int) -> dict[str, Any]:
-        """Temperatures above those without stress."""
-        model = self.deck.model
-        cards = model.loads.get(number, [])
-        others = Counter(
-            card.type for card in cards if card.type.startswith("TEMP") and card.type != "TEMP"
-        )
-        others.update(kind for kind, of in self.deck.heat_of_elements if of == number)
-        others.pop("TEMPD", None)
-        if others:
-            said = ", ".join(f"{kind} ({n})" for kind, n in sorted(others.items()))
-            raise _LeftOut(f"{said} is not supported")
-        without = [name for name, of in self.elements.materials.entries.items()
-                   if "expansion" not in of and not name.endswith("_shear")]  # fmt: skip
-        if without:
-            raise _LeftOut(f"material {without[0]} has no expansion, or one that shears")
-        above = self._field(number) - self._start()
-        used = np.array([self.deck.at(label) for label in sorted(self.elements.used)])
-        warm = np.append(above, np.zeros(len(self.points) - len(above)))
-        more = []
-        for arm in self.elements.arms:  # ends of beams are as warm as their grids
-            warm[arm.end] = above[self.deck.at(arm.grid)]
-            more.append(arm.end)
-        for _, nodes in self.elements.beams.values():  # and tapered ones between
-            for k, node in enumerate(nodes[1:-1], 1):
-                share = k / (len(nodes) - 1)
-                warm[node] = (1 - share) * warm[nodes[0]] + share * warm[nodes[-1]]
-                more.append(node)
-        used = np.concatenate([used, np.array(more, dtype=np.int64)])
-        if not np.all(np.isfinite(warm[used])):
-            first = int(used[~np.isfinite(warm[used])][0])
-            grids = {arm.end: arm.grid for arm in self.elements.arms}
-            grid = grids.get(first, self.deck.labels[min(first, len(above) - 1)])
-            raise _LeftOut(f"grid {grid} has no temperature (TEMP, TEMPD)")
-        used = np.unique(used)
-        used = used[warm[used] != 0]
-        if not len(used):
-            raise _LeftOut("it is that without stress")
-        return {"type": "temperature", "table": np.column_stack([used + 1, warm[used]])}
-
-    def _field(self, number: int) -> Floats:
-        """Temperatures (G,) of grids; NaN where none is given."""
-        model = self.deck.model
-        field = np.full(len(self.deck.points), np.nan)
-        if number in model.tempds:
-            field[:] = float(model.tempds[number].temperature)
-        for card in (c for c in model.loads.get(number, []) if c.type == "TEMP"):
-            for label, value in card.temperatures.items():
-                field[self.deck.at(int(label))] = float(value)
-        return field
-
-    def _start(self) -> Floats | float:
-        """Those without stress: of TEMPERATURE(INITIAL), or TREF of all materials."""
-        control = self.deck.model.case_control_deck
-        for case in control.subcases.values() if control is not None else ():
-            if "TEMPERATURE(INITIAL)" in case.params:
-                return self._field(int(case.params["TEMPERATURE(INITIAL)"][0]))
-        references = self.elements.materials.references
-        if len(references) > 1:
-            said = ", ".join(f"{t:g}" for t in sorted(references))
-            raise _LeftOut(f"materials have different temperatures without stress (TREF {said})")
-        return next(iter(references), 0.0)
