@@ -73,7 +73,8 @@ std::vector<double> mass_shares(const SecondOrderModel& fom, const Block& respon
 void refuse_shared_null_vectors(int null) {
   throw Error(
       text("K and M share %d null vector%s: the body has a mechanism without mass "
-           "and stiffness (an unconnected node, a massless hinge)",
+           "and stiffness (an unconnected node, a massless hinge, a rigid set of nodes "
+           "on a line)",
            null, null == 1 ? "" : "s"));
 }
 

@@ -57,6 +57,19 @@ void check_damping(const Damping& damping) {
   check("eta", damping.eta, "");
 }
 
+/// "row 12 (0-based)", and of a body with a dof map ", uz of node 3,".
+std::string name_row(const SecondOrderModel& model, std::size_t i) {
+  static constexpr const char* directions[6] = {"ux", "uy", "uz", "rx", "ry", "rz"};
+  const std::string row = text("row %ld (0-based)", static_cast<long>(model.rows.begin) +
+                                                        static_cast<long>(i));
+  const std::vector<std::int64_t>& nodes = model.label.empty() ? model.node : model.label;
+  if (nodes.empty() || model.component.empty()) return row;
+  const auto direction = static_cast<std::size_t>(model.component[i]);
+  if (direction >= std::size(directions)) return row;
+  return text("%s, %s of node %ld,", row.c_str(), directions[direction],
+              static_cast<long>(nodes[i]));
+}
+
 /// K and M diagonals and rows: cheap, and they name the row.
 void check_rows(const SecondOrderModel& model, BodyFacts& facts) {
   const auto k_rows = row_maxima(model.K), m_rows = row_maxima(model.M);
@@ -68,9 +81,11 @@ void check_rows(const SecondOrderModel& model, BodyFacts& facts) {
     for (std::size_t i = 0; i < k_rows.size(); ++i) {
       const long row = static_cast<long>(model.rows.begin) + static_cast<long>(i);
       if (k_rows[i] == 0 && m_rows[i] == 0)
-        throw Error(text("row %ld (0-based) is zero in both K and M: remove this dof "
-                         "(ANSYS leaves constrained dofs in the matrices)",
-                         row));
+        throw Error(
+            text("%s is zero in both K and M: remove this dof (ANSYS leaves constrained "
+                 "dofs in the matrices) or hold it (a rigid set of nodes on a straight "
+                 "line can turn about that line)",
+                 name_row(model, i).c_str()));
       const auto check = [&](const char* name, double d, double largest) {
         if (model.may_be_unstable() && name[0] == 'K') return;
         if (d < 0)
@@ -125,7 +140,8 @@ void check_mechanism(ShiftedSolver& solver, double scale) {
   if (solver.null_pivots() > 0)
     throw Error(
         text("K and M share %d null vector%s: the body has a mechanism without mass "
-             "and stiffness (an unconnected node, a massless hinge)",
+             "and stiffness (an unconnected node, a massless hinge, a rigid set of nodes "
+             "on a line)",
              solver.null_pivots(), solver.null_pivots() == 1 ? "" : "s"));
   if (solver.negative_pivots() > 0)
     throw Error(text("K has %d negative eigenvalue%s: it must be positive semidefinite "

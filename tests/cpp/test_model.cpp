@@ -229,6 +229,12 @@ TEST(Model, ChecksRefuseWhatCannotBeReduced) {
   loose.M = sparse(
       20, [&](PetscInt i, PetscInt j) { return without(i, j, i == j ? 1.0 : 0.0); }, 1);
   EXPECT_NE(refusal(loose).find("row 5"), std::string::npos);
+  for (PetscInt row = loose.rows.begin; row < loose.rows.end; ++row) {
+    loose.node.push_back(row / 6);
+    loose.label.push_back(100 + row / 6);
+    loose.component.push_back(row % 6);
+  }
+  EXPECT_NE(refusal(loose).find("rz of node 100"), std::string::npos);
 
   // A massless pair of dofs joined to each other only: K and M share the vector (1, 1).
   SecondOrderModel hinge = rod(20);

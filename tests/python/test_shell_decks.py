@@ -214,6 +214,19 @@ def test_a_rigid_body_of_shells_is_an_interface(tmp_path: Path) -> None:
     assert facts["interfaces"]["some"]["coupling"] == "rigid"
 
 
+def test_a_rigid_body_of_a_line_of_shells_is_a_hinge(tmp_path: Path) -> None:
+    """The import says which rotation nothing holds, unless a node of an element has it."""
+    path = tmp_path / "sheet.inp"
+    with_rigid_body(path, "NSET", end_of_sheet())
+    text = path.read_text()
+    path.write_text(text[: text.index("*BOUNDARY")] + "*STEP\n*FREQUENCY\n6\n*END STEP\n")
+    hinge = parse("node", "hinge=NODES:20")
+    remarks = assemble_deck(path, tmp_path / "b.h5", [hinge])["remarks"]
+    assert any("lie on a line, about which its reference, node" in r for r in remarks)
+    path.write_text(path.read_text().replace("*RIGID BODY,NSET", "*RIGID BODY,TIE NSET"))
+    assert not any("on a line" in r for r in assemble_deck(path, tmp_path / "b.h5", [])["remarks"])
+
+
 def test_membranes_of_a_deck(tmp_path: Path) -> None:
     """M3D4 with *MEMBRANE SECTION: three dofs a node, and the stiffness of a sheet in its plane."""
     write(tmp_path / "sheet.inp", flat(1, 0.6), 4)

@@ -60,10 +60,18 @@ class Coupling:
     def turns(self, deck: Deck) -> bool:
         """Whether all displacements of the nodes follow, which do not lie on a line, so that these
         feel whatever the reference does."""
+        return self.directions >= {1, 2, 3} and not self.on_a_line(deck)
+
+    def is_hinge(self, deck: Deck) -> bool:
+        """Whether the displacements alone follow, of nodes on a line: the reference can turn about
+        that line without moving them."""
+        return self.kind == "rigid" and self.directions == {1, 2, 3} and self.on_a_line(deck)
+
+    def on_a_line(self, deck: Deck) -> bool:
+        """Whether a turn about some line moves none of the nodes."""
         x = deck.points[np.searchsorted(deck.labels, list(self.nodes))]
         spread = np.linalg.svd(x - x.mean(axis=0), compute_uv=False)
-        wide = len(x) > 2 and float(spread[1]) > 1e-6 * float(spread[0])
-        return wide and self.directions >= {1, 2, 3}
+        return len(x) < 3 or float(spread[1]) <= 1e-6 * float(spread[0])
 
     def entry(self, deck: Deck) -> dict[str, Any]:
         """Of ``interfaces`` of a description."""
@@ -298,6 +306,12 @@ def add_couplings(
                 )
             )
             remarks.append(f"{coupling.name} is no interface: {why}")
+            if coupling.is_hinge(deck) and number in alone and number not in held:
+                remarks.append(
+                    f"{coupling.name}: {FREE_ROTATIONS}, and its nodes lie on a line, about which "
+                    f"its reference, node {coupling.reference}, turns freely unless something "
+                    "else holds it"
+                )
             continue
         if coupling.name in content["interfaces"]:
             raise BodyError(f"interface {coupling.name} is given twice: it is one of the deck's")
