@@ -53,7 +53,7 @@ const std::vector<std::pair<std::string, std::string>>& python_verbs() {
       {"plot", "reduced or sweep file -> figures"},
       {"export", "reduced file -> multibody codes and other tools"},
       {"frf", "frequency responses between ports: table, Bode plot, universal file"},
-      {"modes", "natural modes of a reduced body, beside measured ones: table, universal "
+      {"modes", "natural modes of a body, beside measured ones: table, universal "
                 "file, MAC"},
       {"couple", "reduced files of several bodies -> one, with joints and springs"},
       {"at", "reduced file of a body with parameters -> that with values of them"},
