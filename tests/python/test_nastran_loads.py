@@ -391,15 +391,17 @@ def test_an_acceleration_as_one_input(tmp_path: Path) -> None:
 
 def test_sets_that_name_what_is_not_there(tmp_path: Path) -> None:
     """Elements, systems and sets that are missing leave out their set, and say which; a set that
-    combines temperatures, and temperatures with the number of forces, are followed."""
+    combines temperatures, and temperatures with the number of forces, become inputs."""
     cards = (
         "PLOAD4,1,5000,1.\nPLOAD4,2,1,1.,,,,THRU,9\nPLOAD2,3,1.,7\nGRAV,4,5,1.,0.,0.,1.\n"
         "FORCE,5,4,9,1.,1.\nLOAD,6,1.,1.,8,1.,77\nFORCE,8,4,,2.,1.\nTEMPD,8,70.\nLOAD,9,3.,1.,8\n"
-        "FORCES,10,4,,1.,1.\nRFORCE,11,1,8,1.,0.,0.,1.\nTEMPP1,12,1,70.,5.\n"
+        "FORCES,10,4,,1.,1.\nRFORCE,11,1,8,1.,0.,0.,1.\nTEMPP1,12,1,70.,5.\nTEMPD,13,90.\n"
+        "INCLUDE 'more.bdf'\n"
     )
+    (tmp_path / "more.bdf").write_text("tempp1* 13              1\n*       70.\n")
     text = sheet(cards).replace("0.3,7850.", "0.3,7850.,1.2-5")
     cases = "".join(f"SUBCASE {k}\nLOAD={k}\nTEMP(LOAD)=8\n" for k in (1, 2, 3, 4, 5, 6, 8, 9, 11))
-    cases += "SUBCASE 12\nTEMP(LOAD)=12\n"
+    cases += "SUBCASE 12\nTEMP(LOAD)=12\nSUBCASE 13\nTEMP(LOAD)=13\n"
     a = Body(tmp_path, text.replace("CEND\n", f"CEND\n{cases}"), "tip=NODES:4")
     said = str(a.facts["remarks"])
     for words in (
@@ -411,6 +413,7 @@ def test_sets_that_name_what_is_not_there(tmp_path: Path) -> None:
         "load 6 is left out: it combines 77, which is not in the deck",
         "load 11 is left out: RFORCE in the system 8, which is not in the deck",
         "temperature 12 is left out: TEMPP1 (1) is not supported",
+        "temperature 13 is left out: TEMPP1 (1) is not supported",
         "cards that pyNastran does not know are passed over: FORCES (1)",
     ):
         assert words in said, words

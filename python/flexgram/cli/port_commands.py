@@ -281,10 +281,8 @@ def run_modes(options: argparse.Namespace) -> None:
     modes = ms.mode_shapes(model, options.body, options.hz, at_nodes=shapes)
     band = model.claim.band / (2 * np.pi) if options.band is None else np.array(ends)
     for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True), 1):
-        beyond = (
-            "  outside the band: of the reduced body only" if options.band is None else "  below"
-        )
-        beyond = "" if band[0] <= f <= band[-1] else beyond
+        beyond = "" if band[0] <= f <= band[-1] else "  outside the band"
+        beyond += ": of the reduced body only" if beyond and options.band is None else ""
         masses = ""
         if modes.effective_mass is not None:
             own = " ".join(f"{x:10.4g}" for x in modes.effective_mass[k - 1])
@@ -298,7 +296,7 @@ def run_modes(options: argparse.Namespace) -> None:
     else:
         least = f"{max(float(error.max(initial=0)), 1e-15):.1e}"
         said = f"  all modes from {band[0]:g} to {band[1]:g} Hz, counted by inertia"
-        say(f"{said}; frequencies of the body are lower by {least} at most (certified)")
+        say(f"{said}; the body's are lower by {least} of themselves at most (certified)")
     if model.system.is_gyroscopic:
         say(
             "  gyroscopic forces are left out: with them frequencies split and shapes whirl "

@@ -308,9 +308,9 @@ def add_couplings(
             remarks.append(f"{coupling.name} is no interface: {why}")
             if coupling.is_hinge(deck) and number in alone and number not in held:
                 remarks.append(
-                    f"{coupling.name}: {FREE_ROTATIONS}, and its nodes lie on a line, about which "
-                    f"its reference, node {coupling.reference}, turns freely unless something "
-                    "else holds it"
+                    f"{coupling.name} moves displacements alone, of nodes on a line: its "
+                    f"reference, node {coupling.reference}, turns freely about that line unless "
+                    "something else holds it"
                 )
             continue
         if coupling.name in content["interfaces"]:

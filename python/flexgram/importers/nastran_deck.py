@@ -6,7 +6,7 @@ import contextlib
 import io
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -181,12 +181,11 @@ def _set_systems(path: Path, model: Any, said: dict[int, tuple[bool, bool]]) -> 
             node.cd = defaults.cd
 
 
-def _heat_of_elements(path: Path) -> list[tuple[str, int]]:
-    """Cards of temperatures of elements and their sets, of a file without those it includes."""
-    words = re.findall(
-        r"^(TEMP(?:P1|P3|RB|B3|N1))\*?[ ,]+(\d+)", path.read_text(errors="replace"), re.M | re.I
-    )
-    return [(kind.upper(), int(number)) for kind, number in words]
+def _heat_of_elements(paths: Iterable[Path]) -> list[tuple[str, int]]:
+    """Cards of temperatures of elements and their sets, of a deck and what it includes."""
+    card = re.compile(r"^(TEMP(?:P1|P3|RB|B3|N1))\*?[ ,]+(\d+)", re.M | re.I)
+    texts = (path.read_text(errors="replace") for path in paths)
+    return [(kind.upper(), int(n)) for text in texts for kind, n in card.findall(text)]
 
 
 #: Of a file; its name, in quotes or not.
@@ -239,7 +238,9 @@ class BulkDeck:
         self.path, self.model, self.ignore = path, model, ignore
         self.remarks: list[str] = []
         #: Temperatures of elements, which pyNastran keeps no more than their number: kind and set.
-        self.heat_of_elements: list[tuple[str, int]] = _heat_of_elements(path.absolute())
+        self.heat_of_elements = _heat_of_elements(
+            [path.absolute(), *map(Path, model.active_filenames[1:])]
+        )
         if alters:
             self.remarks.append(
                 f"files of executive control are not read: {', '.join(alters)}; what they alter is "

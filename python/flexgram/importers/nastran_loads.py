@@ -3,7 +3,7 @@
 Every load set that case control chooses is one input, whose value 1 is what the deck says:
 ``load7.load``; the gravity of the set is another one, ``load7_gravity.load``, and its spin
 ``load7_spin.spin``; the temperatures of a case are ``temperature3.T``. A set of which a card is not
-followed is left out as a whole, and named.
+supported is left out as a whole, and named.
 """
 
 from __future__ import annotations

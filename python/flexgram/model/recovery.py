@@ -30,6 +30,8 @@ class StressField:
     basis : (m, P, 6) array
         [N/m²]
     nodes : (P,) int array
+    count : int
+        Of all nodes of the body.
     held : dict
         What inputs that are temperatures add at once, (P, 6) for a unit of each.
     side : str
@@ -39,6 +41,7 @@ class StressField:
 
     basis: Floats
     nodes: Ints
+    count: int
     held: dict[str, Floats]
     side: str = ""
     shells: ShellField | None = None
@@ -126,12 +129,15 @@ def stress_field(model: ReducedBody, body: str | Path | None = None, side: str =
 
 
 def _of_solids(model: ReducedBody, path: Path) -> StressField:
+    if path.exists() and not (kinds := _kinds(path)) & set(SOLIDS) and kinds & set(SHELLS):
+        raise BodyError("stress: name the side of the shells: top, middle or bottom")
     motion = Geometry.load(path).motion(model)
     stresses = Stresses.load(path)
     basis = stresses.nodal(motion)
     nodes = np.flatnonzero(np.isfinite(basis).all(axis=(0, 2)))
     held = stresses.of_temperatures(path, model.inputs)
-    return StressField(basis[:, nodes], nodes, {name: of[nodes] for name, of in held.items()})
+    held = {name: of[nodes] for name, of in held.items()}
+    return StressField(basis[:, nodes], nodes, basis.shape[1], held)
 
 
 def _of_shells(model: ReducedBody, path: Path, side: str) -> StressField:
@@ -145,7 +151,8 @@ def _of_shells(model: ReducedBody, path: Path, side: str) -> StressField:
         raise BodyError(f"{path}: side is one of a shell; the body has none that deforms")
     motion = Geometry.load(path).motion_and_rotation(model)
     held = {name: shells.heated(heats[name], side) for name in model.inputs if name in heats}
-    return StressField(shells.stress(motion, side), shells.nodes, held, side, shells)
+    basis = shells.stress(motion, side)
+    return StressField(basis, shells.nodes, motion.shape[1], held, side, shells)
 
 
 def _at_nodes(count: int, places: Ints, stress: Floats, is_basis: bool) -> Floats:
@@ -220,19 +227,12 @@ def stress_at_nodes(
         Without that file, or if it holds matrices; without ``u`` where heat strains the body;
         without ``side`` where there are shells alone.
     """
-    fields = stress_fields(model, body) if side == "larger" else None
-    if fields is None:
-        path = Path(body_of(model, body))
-        if not side and path.exists() and not (kinds := _kinds(path)) & set(SOLIDS):
-            if kinds & set(SHELLS):
-                raise BodyError("stress: name the side of the shells: top, middle or bottom")
-        fields = [stress_field(model, body, side)]
+    larger = side == "larger"
+    fields = stress_fields(model, body) if larger else [stress_field(model, body, side)]
     states, loads = _states(model, q, u, [name for field in fields for name in field.held])
-    with errors_of(body_of(model, body)), h5py.File(body_of(model, body)) as file:
-        count = len(file["mesh/points"])
     of_all = [field.of(states, loads, model.inputs) for field in fields]
     places = np.concatenate([field.nodes for field in fields])
-    return _at_nodes(count, places, np.concatenate(of_all, axis=1), q is None)
+    return _at_nodes(fields[0].count, places, np.concatenate(of_all, axis=1), q is None)
 
 
 def _states(

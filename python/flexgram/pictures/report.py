@@ -172,7 +172,7 @@ class _Page:
             scene = Scene.of(space.geometry)
             natural = self.natural = NaturalModes.of(self.model)
             hz, modes = natural.elastic(min(scene.room, 24))
-            motion = space.motion(modes) if len(modes) else np.empty((0, 0, 3))
+            motion = space.motion(self.model, modes) if len(modes) else np.empty((0, 0, 3))
         except BodyError as reason:
             self.left.append(f"shapes: {reason}")
             return []
@@ -220,8 +220,7 @@ class _Page:
         stress = None
         if peaks is not None:
             stress = von_mises(stress_at_nodes(part, q[few], self.body, u[few], "larger"))
-        moved = space.of_same(part).motion(q[few])
-        scene.set_history(t[few], moved, stress, len(t))
+        scene.set_history(t[few], space.motion(part, q[few]), stress, len(t))
 
     def plan_and_modes(self) -> list[str]:
         """The modes, free and held; interfaces and mass; what was done."""

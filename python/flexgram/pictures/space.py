@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +22,12 @@ class Space:
     ----------
     geometry : Geometry
         Of an assembly its parts side by side, each where its joints bring it.
-    motion : callable
-        Coordinates (k, m) -> displacements (k, N, 3) [m].
+    parts : dict
+        Of an assembly by their names: reduced body, mesh, and turn of its axes (3, 3).
     """
 
     geometry: Geometry
-    motion: Callable[[Floats], Floats]
+    parts: dict[str, tuple[ReducedBody, Geometry, Floats]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, model: ReducedBody, body: str | Path | None = None) -> Space:
@@ -38,49 +38,43 @@ class Space:
         BodyError
             If it has no mesh, or files of its parts are missing.
         """
-        if not model.basis.parts:
-            geometry = Geometry.load(body_of(model, body))
-            return cls(geometry, lambda q: geometry.motion(model, q))
-        return _assembled(model)
-
-    def of_same(self, model: ReducedBody) -> Space:
-        """That of the same body in other coordinates."""
         if model.basis.parts:
             return _assembled(model)
-        return Space(self.geometry, lambda q: self.geometry.motion(model, q))
+        return cls(Geometry.load(body_of(model, body)))
 
-
-def _assembled(model: ReducedBody) -> Space:
-    parts, placed = {}, {}
-    for name, part in model.basis.parts.items():
-        if not part.rom or not Path(part.rom).is_file():
-            where = f" ({part.rom} is not there)" if part.rom else ""
-            raise BodyError(f"part {name} has no reduced file{where}: nothing to draw")
-        parts[name] = ReducedBody.load(part.rom)
-        placed[name] = Geometry.load(body_of(parts[name]))
-    turns = {
-        name: Rotation.from_rotvec(p.turn).as_matrix() for name, p in model.basis.parts.items()
-    }
-    shifts = _shifts(model.basis.joins, placed, turns)
-    points, blocks, first = [], [], 0
-    interfaces: dict[str, Ints] = {}
-    for name, geometry in placed.items():
-        points.append(geometry.points @ turns[name].T + shifts[name])
-        blocks += [(kind, nodes + first) for kind, nodes in geometry.blocks]
-        interfaces |= {f"{name}.{key}": at + first for key, at in geometry.interfaces.items()}
-        first += len(geometry.points)
-    whole = Geometry(np.vstack(points), np.arange(first), blocks, interfaces=interfaces)
-
-    def motion(q: Floats) -> Floats:
+    def motion(self, model: ReducedBody, q: Floats) -> Floats:
+        """Displacements (k, N, 3) [m] for coordinates (k, m) of the body, or of the same in other
+        coordinates."""
+        if not self.parts:
+            return self.geometry.motion(model, q)
         moved = [
-            geometry.motion(parts[name], np.atleast_2d(q) @ model.basis.parts[name].coordinates.T)
-            @ turns[name].T
-            for name, geometry in placed.items()
+            mesh.motion(part, np.atleast_2d(q) @ model.basis.parts[name].coordinates.T) @ turn.T
+            for name, (part, mesh, turn) in self.parts.items()
         ]
         found: Floats = np.concatenate(moved, axis=1)
         return found
 
-    return Space(whole, motion)
+
+def _assembled(model: ReducedBody) -> Space:
+    parts: dict[str, tuple[ReducedBody, Geometry, Floats]] = {}
+    for name, part in model.basis.parts.items():
+        if not part.rom or not Path(part.rom).is_file():
+            where = f" ({part.rom} is not there)" if part.rom else ""
+            raise BodyError(f"part {name} has no reduced file{where}: nothing to draw")
+        body = ReducedBody.load(part.rom)
+        turn = Rotation.from_rotvec(part.turn).as_matrix()
+        parts[name] = body, Geometry.load(body_of(body)), turn
+    placed = {name: geometry for name, (_, geometry, _) in parts.items()}
+    shifts = _shifts(model.basis.joins, placed, {name: turn for name, (*_, turn) in parts.items()})
+    points, blocks, first = [], [], 0
+    interfaces: dict[str, Ints] = {}
+    for name, (_, geometry, turn) in parts.items():
+        points.append(geometry.points @ turn.T + shifts[name])
+        blocks += [(kind, nodes + first) for kind, nodes in geometry.blocks]
+        interfaces |= {f"{name}.{key}": at + first for key, at in geometry.interfaces.items()}
+        first += len(geometry.points)
+    whole = Geometry(np.vstack(points), np.arange(first), blocks, interfaces=interfaces)
+    return Space(whole, parts)
 
 
 def _place(geometry: Geometry, interface: str) -> Floats | None:
