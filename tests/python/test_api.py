@@ -230,7 +230,7 @@ def test_report_and_figures(rack: Path, tmp_path: Path) -> None:
     for words in ("12 / 12", "skipped", "buckens", "Modes of the reduced body", "-mor_tol 1e-2"):
         assert words in page.text, words
     model = flexgram.ReducedModel.load(rom)
-    hz, _ = flexgram.pictures.figures.elastic_modes(model, 5)
+    hz, _ = flexgram.pictures.drawings.elastic_modes(model, 5)
     assert np.allclose(hz, model.modes[6:11] / (2 * np.pi), rtol=1e-6)
     assert max(model.whole_error, *model.by_kind) == model.certified_error
     for name in ("error", "gramian", "transfer", "stages", "shapes"):

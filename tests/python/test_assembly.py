@@ -375,6 +375,17 @@ def test_a_node_by_its_place(tmp_path: Path) -> None:
         assert np.allclose(file["mesh/points"][int(node)], [0.1, 0.02, 0.03])
 
 
+@pytest.mark.parametrize("zeta", ["[2%, 100, 1000]", "[0.02, 1000, 100]", "2%,100,1000"])
+def test_a_damping_ratio(zeta: str, tmp_path: Path) -> None:
+    millimetres(tmp_path)
+    (tmp_path / "box.yaml").write_text(f"{GOOD}damping:\n  zeta: {zeta}\n")
+    import_body(tmp_path / "box.yaml", tmp_path / "box.h5")
+    with h5py.File(tmp_path / "box.h5") as file:
+        alpha, beta = (float(file.attrs[name]) for name in ("alpha", "beta"))
+    for omega in (200 * np.pi, 2000 * np.pi):
+        assert alpha / (2 * omega) + beta * omega / 2 == pytest.approx(0.02)
+
+
 def test_a_mesh_is_no_description(tmp_path: Path) -> None:
     millimetres(tmp_path)
     with pytest.raises(BodyError, match="not") as error:
@@ -398,6 +409,8 @@ def test_a_mesh_is_no_description(tmp_path: Path) -> None:
         ("interfaces:", "interfaces: [", "not YAML"),
         ("  far:", "  near:", "the key near is given twice"),
         ("mesh: box.inp", "- 1", "not"),
+        ("interfaces:", "damping: {zeta: [1, 100, 1000]}\ninterfaces:", "a ratio below 1"),
+        ("interfaces:", "damping: {zeta: [1%, 5, 50], beta: 1}\ninterfaces:", "leave these out"),
     ],
 )
 def test_descriptions_that_cannot_be_read(

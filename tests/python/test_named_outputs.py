@@ -14,8 +14,8 @@ from test_mesh_loads import sided
 from bodies import box
 from conftest import CLAMPED, body_system, message, run
 from flexgram import BodyError, ReducedModel
+from flexgram.body.damping import rayleigh
 from flexgram.body.description import import_description
-from flexgram.cli.import_command import rayleigh
 from flexgram.model.equivalent_damping import with_viscous_damping
 from flexgram.simulation.expressions import between_times
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexgram.basics import BodyError, Ints, check_name, errors_of
+from flexgram.body import damping
 from flexgram.body.constraints import COMPONENTS, Constraints, write_constraints
 from flexgram.body.discrete import joined_nodes, write_masses, write_springs
 from flexgram.body.faces import CORNERS, middle_of
@@ -138,9 +139,8 @@ class MeshBody:
         for name in set(write_preload(file, reader, [*interfaces, *loads])) & set(loads):
             loads[name] += ", of the preload: no input"
         write_spin(file, reader, self.length)
-        damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
-        for key in ("alpha", "beta", "eta"):
-            file.attrs[key] = damping.number(key, 0.0)
+        for key, value in damping.described(reader).items():
+            file.attrs[key] = value
         extent = np.ptp(self.points[self.used], axis=0) * self.length
         notes = [f"note: {words}" for words in (self.mesh.info or {}).get(LEFT_OUT, [])]
         return {

@@ -230,27 +230,6 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", type=float, help=f"damping {unit}")
 
 
-def rayleigh(words: str) -> tuple[float, float]:
-    """alpha [1/s] and beta [s] of a damping ratio at two frequencies: zeta = alpha/(2 ω) + beta ω/2
-    at both.
-
-    Examples
-    --------
-    >>> alpha, beta = rayleigh("1%,50,2000")
-    >>> print(f"{alpha:.4f} {beta:.4e}")
-    6.1299 1.5528e-06
-    """
-    from flexgram.importers.interfaces import numbers
-
-    ratio, _, rest = words.partition(",")
-    share = 0.01 if ratio.endswith("%") else 1.0
-    zeta = share * float(numbers(f"--zeta {words}", ratio.rstrip("%"), 1)[0])
-    first, last = sorted(2 * 3.141592653589793 * numbers(f"--zeta {words}", rest, 2))
-    if not (0 < zeta < 1 and 0 < first < last):
-        raise BodyError(f"--zeta {words}: expected a ratio below 1 and two frequencies [Hz]")
-    return 2 * zeta * first * last / (first + last), 2 * zeta / (first + last)
-
-
 def _names(words: str | None) -> dict[str, str] | None:
     """``K=KXX,M=MXX`` as a mapping."""
     if words is None:
@@ -427,6 +406,8 @@ def _of_body(options: argparse.Namespace) -> dict[str, Any]:
     """Units and damping."""
     given = {name: getattr(options, name) for name in ("alpha", "beta", "eta")}
     if options.zeta is not None:
+        from flexgram.body.damping import rayleigh
+
         if given["alpha"] is not None or given["beta"] is not None:
             raise BodyError("--zeta gives alpha and beta: leave --alpha and --beta out")
         given["alpha"], given["beta"] = rayleigh(options.zeta)

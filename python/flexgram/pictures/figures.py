@@ -16,12 +16,10 @@ from matplotlib.figure import Figure  # not pyplot: the caller's backend stays t
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats, errors_of, written_aside
-from flexgram.body.stress import von_mises
 from flexgram.model.campbell import Campbell
-from flexgram.model.damped_modes import NaturalModes
-from flexgram.model.geometry import Geometry, body_of
-from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
+from flexgram.pictures.drawings import shapes as shapes
+from flexgram.pictures.drawings import stress as stress  # figures, too
 from flexgram.simulation.histories import HistoryAssessment
 
 HZ = 1 / (2 * np.pi)
@@ -310,146 +308,6 @@ def stages(model: ReducedBody) -> Figure:
     axes.barh(names, [seconds[name] for name in names], color=REDUCED)
     axes.set(xlabel="time [s]")
     return figure
-
-
-def elastic_modes(model: ReducedBody, count: int) -> tuple[Floats, Floats]:
-    """Frequencies [Hz] and shapes (k, m) of the lowest modes of the reduced body that are not
-    rigid, without damping.
-
-    Examples
-    --------
-    >>> hertz, shapes = elastic_modes(flexgram.ReducedModel.load("rack.rom.h5"), 3)
-    >>> hertz.round(1)
-    array([105.5, 176.6, 189. ])
-    """
-    return NaturalModes.of(model).elastic(count)
-
-
-def shapes(model: ReducedBody, body: str | Path | None = None, count: int = 5) -> Figure:
-    """The mesh with its interfaces, and the lowest elastic modes of the reduced body.
-
-    Examples
-    --------
-    >>> figure = shapes(flexgram.ReducedModel.load("rack.rom.h5"), count=2)
-    """
-    geometry, triangles = _surface(model, body)
-    step = len(triangles) // 20000 + 1  # a picture needs no more
-    marked = {
-        name: triangles[np.isin(triangles, nodes).all(axis=1)]
-        for name, nodes in geometry.interfaces.items()
-    }
-    triangles = triangles[::step]
-    hz, modes = elastic_modes(model, count)
-    motion = geometry.motion(model, modes) if len(modes) else np.empty((0, 0, 3))
-    size = float(np.ptp(geometry.points, axis=0).max())
-    columns = 3
-    rows = -(-(1 + len(modes)) // columns)
-    figure = Figure(figsize=(3.4 * columns, 3.2 * rows), layout="constrained")
-    used = np.unique(triangles)
-    center = 0.5 * (geometry.points[used].max(axis=0) + geometry.points[used].min(axis=0))
-    for place in range(1 + len(modes)):
-        axes = figure.add_subplot(rows, columns, place + 1, projection="3d")
-        points = geometry.points
-        color: Any = "#9ecae1"
-        if place:
-            field = motion[place - 1]
-            scale = 0.12 * size / max(np.abs(field[used]).max(), 1e-300)
-            points = points + scale * field
-            amount = np.linalg.norm(field[triangles].mean(axis=1), axis=1)
-            color = matplotlib.colormaps["viridis"](amount / max(amount.max(), 1e-300))
-        _draw(axes, points[triangles], color, center, size)
-        if not place:
-            axes.computed_zorder = False
-            _mark(axes, geometry, marked)
-        title = f"{hz[place - 1]:.5g} Hz" if place else "body and interfaces"
-        axes.set_title(title, fontsize=9)
-    return figure
-
-
-def _surface(model: ReducedBody, body: str | Path | None) -> tuple[Geometry, Any]:
-    geometry = Geometry.load(body_of(model, body))
-    triangles = geometry.surface()
-    if not len(triangles):
-        raise BodyError("the body has no solid elements to draw")
-    return geometry, triangles
-
-
-def _draw(axes: Any, corners: Any, color: Any, center: Any, size: float) -> None:
-    """Triangles in a cube of that size, without axes."""
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    axes.add_collection3d(Poly3DCollection(corners, facecolor=color, edgecolor="#00000018", lw=0.2))
-    for axis, at in zip("xyz", center, strict=True):
-        getattr(axes, f"set_{axis}lim")(at - 0.55 * size, at + 0.55 * size)
-    axes.set_box_aspect((1, 1, 1))
-    axes.set_axis_off()
-
-
-def stress(
-    model: ReducedBody,
-    q: ArrayLike,
-    body: str | Path | None = None,
-    magnify: float | None = None,
-    u: ArrayLike | None = None,
-) -> Figure:
-    """Von Mises stress on the surface of the deformed mesh, of shells the larger of both sides.
-
-    Parameters
-    ----------
-    model : ReducedBody
-    q : (m,) array
-        Generalised coordinates.
-    body : str or Path, optional
-        Body file; default: the one that was reduced.
-    magnify : float, optional
-        Factor of the deformation; default: a twentieth of the body's size.
-    u : (n_in,) array, optional
-        Inputs at that moment: needed if one of them is a temperature.
-
-    Examples
-    --------
-    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
-    >>> figure = stress(rom, np.eye(rom.order)[0])
-    """
-    geometry, triangles = _surface(model, body)
-    triangles = triangles[:: len(triangles) // 40000 + 1]
-    field = geometry.motion(model, q)[0]
-    used = np.unique(triangles)
-    points = geometry.points[used]
-    size = float(np.ptp(points, axis=0).max())
-    if magnify is None:
-        magnify = 0.05 * size / max(float(np.abs(field[used]).max()), 1e-300)
-    of_nodes = von_mises(stress_at_nodes(model, q, body, u, "larger")[0])
-    amount = of_nodes[triangles].mean(axis=1)
-    figure = Figure(figsize=(5.2, 4.4), layout="constrained")
-    axes = figure.add_subplot(projection="3d")
-    scale = matplotlib.cm.ScalarMappable(
-        matplotlib.colors.Normalize(0, float(np.nanmax(amount))), "turbo"
-    )
-    color = scale.to_rgba(np.nan_to_num(amount))
-    color[np.isnan(amount)] = (0.8, 0.8, 0.8, 1.0)
-    center = 0.5 * (points.max(axis=0) + points.min(axis=0))
-    _draw(axes, (geometry.points + magnify * field)[triangles], color, center, size)
-    figure.colorbar(scale, ax=axes, shrink=0.7, label="von Mises stress [N/m²]")
-    return figure
-
-
-def _mark(axes: Any, geometry: Geometry, marked: dict[str, Any]) -> None:
-    """Faces of each interface in a colour, seen through the body, and its nodes."""
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    for k, (name, nodes) in enumerate(geometry.interfaces.items()):
-        color = f"C{1 + k % 9}"
-        faces = marked[name]
-        if len(faces):
-            patches = Poly3DCollection(
-                geometry.points[faces], facecolor=color, alpha=0.6, zorder=10
-            )
-            axes.add_collection3d(patches)
-        size = 1 if len(faces) else 4
-        axes.plot(*geometry.points[nodes].T, ".", ms=size, color=color, label=name, zorder=11)
-    if geometry.interfaces:
-        axes.legend(fontsize=7, loc="upper left", markerscale=4)
 
 
 FIGURES: dict[str, Callable[..., Figure]] = {

@@ -1,0 +1,181 @@
+"""Drawings of a body's mesh: its interfaces and modes, and its stress; of ``figures``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import matplotlib.cm
+import matplotlib.colors
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure  # not pyplot: the caller's backend stays the caller's
+from numpy.typing import ArrayLike
+
+from flexgram.basics import BodyError, Floats
+from flexgram.body.stress import von_mises
+from flexgram.model.damped_modes import NaturalModes
+from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.recovery import stress_at_nodes
+from flexgram.model.reduced import ReducedBody
+
+
+def elastic_modes(model: ReducedBody, count: int) -> tuple[Floats, Floats]:
+    """Frequencies [Hz] and shapes (k, m) of the lowest modes of the reduced body that are not
+    rigid, without damping.
+
+    Examples
+    --------
+    >>> hertz, shapes = elastic_modes(flexgram.ReducedModel.load("rack.rom.h5"), 3)
+    >>> hertz.round(1)
+    array([105.5, 176.6, 189. ])
+    """
+    return NaturalModes.of(model).elastic(count)
+
+
+def shapes(model: ReducedBody, body: str | Path | None = None, count: int = 5) -> Figure:
+    """The mesh with its interfaces, and the lowest elastic modes of the reduced body.
+
+    Examples
+    --------
+    >>> figure = shapes(flexgram.ReducedModel.load("rack.rom.h5"), count=2)
+    """
+    geometry, triangles = _surface(model, body)
+    marked = {
+        name: triangles[np.isin(triangles, nodes).all(axis=1)]
+        for name, nodes in geometry.interfaces.items()
+    }
+    triangles = triangles[:: len(triangles) // 20000 + 1]  # a picture needs no more
+    hz, modes = elastic_modes(model, count)
+    motion = geometry.motion(model, modes) if len(modes) else np.empty((0, 0, 3))
+    used = np.unique(triangles)
+    size = float(np.ptp(geometry.points[used], axis=0).max())
+    columns = 3
+    rows = -(-(1 + len(modes)) // columns)
+    height = 0.5 + np.clip(3.2 * _height_by_width(geometry.points[used]), 1.2, 4.5)
+    figure = Figure(figsize=(3.4 * columns, height * rows), layout="constrained")
+    for place in range(1 + len(modes)):
+        axes = figure.add_subplot(rows, columns, place + 1)
+        if place:
+            field = motion[place - 1]
+            scale = 0.12 * size / max(np.abs(field[used]).max(), 1e-300)
+            amount = np.linalg.norm(field[triangles].mean(axis=1), axis=1)
+            color = matplotlib.colormaps["viridis"](amount / max(amount.max(), 1e-300))
+            _draw(axes, (geometry.points + scale * field)[triangles], color)
+        else:
+            _draw(axes, geometry.points[triangles], matplotlib.colors.to_rgba("#9ecae1"))
+            _mark(axes, geometry, marked)
+        title = f"{hz[place - 1]:.5g} Hz" if place else "body and interfaces"
+        axes.set_title(title, fontsize=9)
+    return figure
+
+
+def _surface(model: ReducedBody, body: str | Path | None) -> tuple[Geometry, Any]:
+    geometry = Geometry.load(body_of(model, body))
+    triangles = geometry.surface()
+    if not len(triangles):
+        raise BodyError("the body has no solid elements to draw")
+    return geometry, triangles
+
+
+#: Directions in space of the picture: to the right, up, and towards who looks (azimuth -60,
+#: elevation 30 degrees).
+_RIGHT, _UP, _NEAR = np.array(
+    [
+        [np.sqrt(3) / 2, 0.5, 0],
+        [-0.25, np.sqrt(3) / 4, np.sqrt(3) / 2],
+        [np.sqrt(3) / 4, -0.75, 0.5],
+    ]
+)
+
+
+def _flat(points: Floats) -> Floats:
+    """(…, 3) points in space -> (…, 2) in the picture."""
+    return np.stack([points @ _RIGHT, points @ _UP], axis=-1)
+
+
+def _height_by_width(points: Floats) -> float:
+    across, up = np.ptp(_flat(points), axis=0)
+    return float(up / max(across, 1e-300))
+
+
+def _draw(axes: Any, corners: Floats, color: Any, shade: float = 0.35) -> None:
+    """Triangles (k, 3, 3), the far ones first; those that turn from the light are darker."""
+    color = np.array(np.broadcast_to(color, (len(corners), 4)))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    light = _NEAR + 0.3 * _UP - 0.4 * _RIGHT
+    facing = np.abs(normal @ light) / np.maximum(area, 1e-300) / np.linalg.norm(light)
+    color[:, :3] *= (1 - shade + shade * facing)[:, None]
+    order = np.argsort(corners.mean(axis=1) @ _NEAR)
+    axes.add_collection(
+        PolyCollection(_flat(corners[order]), facecolor=color[order], edgecolor="face", lw=0.1)
+    )
+    axes.autoscale_view()
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def stress(
+    model: ReducedBody,
+    q: ArrayLike,
+    body: str | Path | None = None,
+    magnify: float | None = None,
+    u: ArrayLike | None = None,
+) -> Figure:
+    """Von Mises stress on the surface of the deformed mesh, of shells the larger of both sides.
+
+    Parameters
+    ----------
+    model : ReducedBody
+    q : (m,) array
+        Generalised coordinates.
+    body : str or Path, optional
+        Body file; default: the one that was reduced.
+    magnify : float, optional
+        Factor of the deformation; default: a twentieth of the body's size.
+    u : (n_in,) array, optional
+        Inputs at that moment: needed if one of them is a temperature.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> figure = stress(rom, np.eye(rom.order)[0])
+    """
+    geometry, triangles = _surface(model, body)
+    triangles = triangles[:: len(triangles) // 40000 + 1]
+    field = geometry.motion(model, q)[0]
+    used = np.unique(triangles)
+    if magnify is None:
+        size = float(np.ptp(geometry.points[used], axis=0).max())
+        magnify = 0.05 * size / max(float(np.abs(field[used]).max()), 1e-300)
+    of_nodes = von_mises(stress_at_nodes(model, q, body, u, "larger")[0])
+    amount = 1e-6 * of_nodes[triangles].mean(axis=1)
+    height = np.clip(0.3 + 5 * _height_by_width(geometry.points[used]), 2.2, 6)
+    figure = Figure(figsize=(6.2, height), layout="constrained")
+    axes = figure.subplots()
+    scale = matplotlib.cm.ScalarMappable(
+        matplotlib.colors.Normalize(0, float(np.nanmax(amount))), "turbo"
+    )
+    color = scale.to_rgba(np.nan_to_num(amount))
+    color[np.isnan(amount)] = (0.8, 0.8, 0.8, 1.0)
+    _draw(axes, (geometry.points + magnify * field)[triangles], color, shade=0.15)
+    figure.colorbar(scale, ax=axes, shrink=0.8, label="von Mises stress [MPa]")
+    return figure
+
+
+def _mark(axes: Any, geometry: Geometry, marked: dict[str, Any]) -> None:
+    """Faces of each interface in a colour, seen through the body, and its nodes."""
+    for k, (name, nodes) in enumerate(geometry.interfaces.items()):
+        color = f"C{1 + k % 9}"
+        faces = marked[name]
+        if len(faces):
+            flat = _flat(geometry.points[faces])
+            axes.add_collection(PolyCollection(flat, facecolor=color, alpha=0.6, zorder=10))
+        size = 1 if len(faces) else 4
+        axes.plot(
+            *_flat(geometry.points[nodes]).T, ".", ms=size, color=color, label=name, zorder=11
+        )
+    if geometry.interfaces:
+        axes.legend(fontsize=7, loc="best", markerscale=4)
