@@ -47,8 +47,9 @@ std::string words_of(const Claim& claim) {
                        [](const auto& x, const auto& y) { return x.worst < y.worst; });
   const bool is_of_kind = largest != claim.by_kind.end() && largest->worst > band.whole;
   words += std::isfinite(band.worst)
-               ? text(": relative error%s at most %s", is_of_kind ? "" : " of H",
-                      percent_or_power(band.worst).c_str())
+               ? text(": relative error%s at most %s%s", is_of_kind ? "" : " of H",
+                      percent_or_power(band.worst).c_str(),
+                      band.relative_to == "band" ? " of the largest H in the band" : "")
                : ": relative error without a bound";
   if (band.tolerance)
     words += text(", tolerance %g %s", *band.tolerance, band.met ? "met" : "NOT met");

@@ -12,10 +12,12 @@ import pytest
 import scipy.linalg
 from assemblies import BAND, by_number, exactly, joined_response, random_body, reduced
 
+import flexgram
 from bodies import box, write_body_file
 from conftest import body_system, run
 from flexgram import ReducedModel
-from flexgram.assembly.couple import Joint, couple, verdict
+from flexgram.assembly.couple import Joint, couple, read_joint, verdict
+from flexgram.model.damped_modes import NaturalModes
 from flexgram.pictures.scene import libraries
 
 
@@ -48,6 +50,36 @@ def random_joints(rng: np.random.Generator) -> list[Joint]:
         if joints[1].second != "ground":
             joints = [joints[1]]
     return joints
+
+
+@pytest.mark.parametrize(
+    ("joints", "left"),
+    [
+        ([], 12),
+        (["p0.end=p1.start:x,y,z"], 9),
+        (["p0.end=p1.start:x,y,z,rx,ry"], 7),
+        (["p0.end=p1.start"], 6),
+        (["p0.end=p1.start", "p1.end=ground:x,y,z"], 3),
+        (["p0.end=p1.start", "p1.end=ground"], 0),
+    ],
+)
+def test_rigid_motions_are_counted(joints: list[str], left: int, tmp_path: Path) -> None:
+    """Whatever rounding makes of their frequencies, in a band that begins low and with stiff
+    vectors."""
+    write_body_file(
+        tmp_path / "box.h5",
+        box("hexahedron", (6, 2, 2)),
+        interfaces={n: {"set": n, "coupling": "rigid"} for n in ("start", "end")},
+        damping=(5.0, 1e-7, 0),
+    )
+    rom = flexgram.reduce(tmp_path / "box.h5", (1, 3000), 1e-3, statics=True)
+    ties = [read_joint("--join", "join", words) for words in joints]
+    whole = couple({"p0": rom, "p1": rom}, ties)
+    assert whole.frame.rigid_modes == left
+    modes = NaturalModes.of(whole)
+    assert modes.rigid == left and not modes.omega[:left].any()
+    again = couple({"a": whole}, [])  # an assembly as a part
+    assert again.frame.rigid_modes == left
 
 
 #: Of parts of an assembly, by random numbers; FLEXGRAM_PAIRS=25 for a longer run.

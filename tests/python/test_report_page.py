@@ -89,7 +89,7 @@ def content(made: Path) -> Content:
 
 @needs_libraries
 def test_what_it_says(content: Content, made: Path) -> None:
-    for words in ("From 10 to 500 Hz the relative error", "Outside of this nothing is claimed",
+    for words in ("From 10 to 500 Hz the responses", "Outside of this nothing is claimed",
                   "one in six million", "12 / 12", "skipped", "buckens", "fx fy fz mx my mz",
                   "moments of inertia", "-mor_tol 1e-2"):  # fmt: skip
         assert words in content.text, words

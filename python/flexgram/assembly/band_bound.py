@@ -100,10 +100,8 @@ class BandBound(ABC):
         if self._tell is not None and time.monotonic() - self._told > 3:
             self._told = time.monotonic()
             left = sum(b - a for a, b in todo) / (2 * np.pi)
-            self._tell(
-                f"{self.loop.views[self._view].name}: {len(self._seen)} intervals, "
-                f"{left:.4g} Hz left"
-            )
+            name = self.loop.views[self._view].name
+            self._tell(f"of {'H' if self._view == 0 else name}: {left:.4g} Hz of the band left")
 
     def _cover(
         self,

@@ -100,17 +100,17 @@ class AssemblyBound:
             f"; nothing by itself of {', '.join(unknown)}" if unknown else ""
         )
         seen = self.estimate[np.isfinite(self.estimate)]
-        by_kind = (f" (estimated: {seen.max():.1e})" if len(seen) else "") + by_kind
+        by_kind = (f"; it is about {seen.max():.1e}, by estimate" if len(seen) else "") + by_kind
         if self.kind == "certified":
             return (
                 f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, "
-                f"by the parts' claims{by_kind}"
+                f"certified by the parts' claims{by_kind}"
             )
         if self.kind == "certified outside":
             return (
                 f"at most {self.worst:.1e} of |H| at each frequency of the band but in "
-                f"{len(self.open)} intervals beside undamped resonances, by the parts' claims"
-                + by_kind
+                f"{len(self.open)} intervals beside undamped resonances, certified by the "
+                f"parts' claims{by_kind}"
             )
         wide = np.diff(self.bands, axis=1).sum()
         share = 1 - np.diff(self.open, axis=1).sum() / wide if wide > 0 else 0.0

@@ -19,6 +19,7 @@ from flexgram.assembly.varying import combinations, parameters_of, with_values
 from flexgram.basics import BodyError, Floats, written_aside
 from flexgram.body.terms import Term
 from flexgram.body.varying_laws import Parameter, parameter
+from flexgram.model.damped_modes import NaturalModes
 from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 from flexgram.reduced_model import ReducedModel
@@ -117,7 +118,7 @@ def couple(
         model.system.expect_symmetric(f"couple: part {name}: an assembly")
     varying = parameters_of(models, joints)
     parts = Parts(models, turns or {}, joints)
-    K, D, S, terms, ties = _joined(parts, joints)
+    K, D, S, terms, ties, springs = _joined(parts, joints)
     N = _motions_left(ties, len(K))
     inputs, outputs = _ports_left(parts, joints, keep)
     direct = _feedthrough(models, parts, joints, inputs, outputs)
@@ -159,8 +160,8 @@ def couple(
             K_now += term.law.stiffness * fields[path]
     squares = natural_modes(K_now, fields["M"])[0]
     fields["modes/omega"] = np.sqrt(np.maximum(squares[np.isfinite(squares)], 0))
-    slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
-    fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
+    fields["frame/rigid_modes"] = _rigid_motions(models, [*ties, *springs])
+    fields["modes/omega"][: fields["frame/rigid_modes"]] = 0  # but for rounding
     values = combinations(models, joints)
     known = AssemblyBound.with_each(
         [
@@ -195,11 +196,13 @@ def couple(
 
 def _joined(
     parts: Parts, joints: Sequence[Joint]
-) -> tuple[Floats, Floats, Floats, list[Term], list[Floats]]:
+) -> tuple[Floats, Floats, Floats, list[Term], list[Floats], list[Floats]]:
     """K, D, S and the terms of all parts with springs and dampers between them; the rows of what
-    is tied. Of what varies K holds the least stiffness, and a term the rest."""
+    is tied, and of what springs hold. Of what varies K holds the least stiffness, and a term the
+    rest."""
     K, D, S, terms = parts.K.copy(), parts.D.copy(), parts.S.copy(), list(parts.terms)
     rows: list[Floats] = []
+    springs: list[Floats] = []
     for joint in joints:
         for direction, weights in tied(parts, joint):
             moved = parts.B @ weights  # of q: what the outputs of the same ports measure
@@ -213,13 +216,33 @@ def _joined(
                 spring = law.least * (1 + 1j * joint.loss)
                 terms.append(Term(name, law, square))
             K, S = K + spring.real * square, S + spring.imag * square
+            if spring:
+                springs.append(moved)
             damper = joint.damping.get(direction, 0.0)
             if isinstance(damper, Parameter):
                 name += ".damping"
                 terms.append(Term(name, joint.parameters[name], square))
             else:
                 D += damper * square
-    return K, D, S, terms, rows
+    return K, D, S, terms, rows, springs
+
+
+def _rigid_motions(models: Mapping[str, ReducedBody], held: Sequence[Floats]) -> int:
+    """How many rigid motions of the parts are left where these rows (count,) are held. Frequencies
+    do not tell: rounding of K leaves them at a ten-millionth of the highest."""
+    free = []
+    for model in models.values():
+        count = model.frame.rigid_modes
+        is_first = model.frame.kind != "none" or not count
+        shapes = np.eye(model.order) if is_first else NaturalModes.of(model).shapes
+        free.append(shapes[:, :count])
+    motions = scipy.linalg.block_diag(*free)
+    rows = [row @ motions for row in held]
+    moving = [r / np.linalg.norm(r) for r in rows if np.linalg.norm(r) > 0]
+    if not moving or not motions.shape[1]:
+        return int(motions.shape[1])
+    values = np.linalg.svd(np.array(moving), compute_uv=False)
+    return int(motions.shape[1] - np.sum(values > 1e-8 * values[0]))
 
 
 def _motions_left(ties: Sequence[Floats], count: int) -> Floats:

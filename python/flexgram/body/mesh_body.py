@@ -103,6 +103,7 @@ class MeshBody:
         self.merged: Ints | None = None  # the node that each became one with
         self.blocks: list[tuple[str, Ints]] = []
         self.gained: list[Gained] = []  # nodes in the middle of shells
+        self.far: list[str] = []  # places that no node is near
         self.middles: list[Gained] = []  # and of pyramids' bases
         self.alone: Ints = np.empty((0, 1), dtype=np.int64)  # nodes that no element has
         self.ids: list[Ints] = []  # of their elements: the FE code's numbers, else from 1 on
@@ -157,6 +158,7 @@ class MeshBody:
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
                 *self._doubts_of_parts(held),
                 *self._doubts_of_stress(),
+                *dict.fromkeys(self.far),
                 *doubts,
             ],
         }
@@ -244,7 +246,7 @@ class MeshBody:
         if isinstance(choice, dict) and "at" in choice:
             at = Reader(choice, where, ("at",)).vector("at")
             nodes = np.flatnonzero(self.used)
-            nodes = nodes[[nearest(self.points[nodes], at, where)]]
+            nodes = nodes[[nearest(self.points[nodes], at, where, self.far.append)]]
         elif isinstance(choice, dict):
             with errors_of(f"{where}: box"):
                 box = np.array(Reader(choice, where, ("box",)).get("box"), dtype=float)

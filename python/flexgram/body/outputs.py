@@ -141,7 +141,7 @@ def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stre
             else:
                 used, rows = known.of_body.rows(chosen)
                 held = {name: field[chosen].mean(axis=0) for name, field in known.heated.items()}
-        said = f"mean stress of {len(chosen)} nodes"
+        said = f"stress {_at_nodes(mesh, chosen)}"
     else:
         ids = _whole(entry, "elements", entry.get("elements"))
         point = None
@@ -171,6 +171,14 @@ def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stre
         group["feedthrough"] = np.array(list(held.values())).T
         group["feedthrough"].attrs["inputs"] = list(held)
     return said
+
+
+def _at_nodes(mesh: BodyMesh, nodes: Ints) -> str:
+    """Where the node is [m], or how many there are."""
+    if len(nodes) > 1:
+        return f"in the mean of {len(nodes)} nodes"
+    at = ", ".join(f"{x:.6g}" for x in mesh.points[nodes[0]] * mesh.length)
+    return f"at the node at ({at}) m"
 
 
 def _without_zeros(columns: list[str], rows: Floats) -> tuple[list[str], Floats, list[str]]:
@@ -221,7 +229,7 @@ def _write_gauge(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stres
     x, y, z = np.array(directions).T
     of_strain = np.array([x * x, y * y, z * z, x * y, y * z, z * x])  # engineering shears
     write_vectors(group, columns, used, np.einsum("ck,uca->uka", of_strain, rows))
-    return f"strain {'gauge' if len(columns) == 1 else 'rosette'} at {len(chosen)} nodes"
+    return f"strain {'gauge' if len(columns) == 1 else 'rosette'} {_at_nodes(mesh, chosen)}"
 
 
 def mean_displacement(

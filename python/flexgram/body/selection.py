@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints
@@ -27,8 +29,15 @@ def in_box(points: Floats, corners: Floats, place: str) -> Ints:
     return np.flatnonzero(inside)
 
 
-def nearest(points: Floats, at: Floats, place: str) -> int:
+def nearest(
+    points: Floats, at: Floats, place: str, doubt: Callable[[str], None] | None = None
+) -> int:
     """Index of the point nearest to ``at`` (3).
+
+    Parameters
+    ----------
+    doubt : callable, optional
+        Told where the point is farther away than three times its distance to the next one.
 
     Raises
     ------
@@ -42,4 +51,14 @@ def nearest(points: Floats, at: Floats, place: str) -> int:
             f"{place}: the nearest node is {distance.min():.6g} away, the body "
             f"measures {extent:.6g}: are these its units?"
         )
-    return int(np.argmin(distance))
+    found = int(np.argmin(distance))
+    if doubt is not None and distance[found] > 0:
+        beside = np.linalg.norm(points - points[found], axis=1)
+        spacing = beside[beside > 0].min(initial=np.inf)
+        if distance[found] > 3 * spacing:
+            there = ", ".join(f"{x:.6g}" for x in points[found])
+            doubt(
+                f"{place}: the nearest node is {distance[found]:.3g} away, at ({there}); its "
+                f"neighbours are {spacing:.3g} from it. Are these the units of the files?"
+            )
+    return found

@@ -304,7 +304,7 @@ def summary(file: h5py.File) -> list[str]:
     dashpots = any("damping" in spring.attrs for spring in springs)
     relaxing = any(_has_law(of, "prony") for of in (*file.get("materials", {}).values(), *springs))
     further = ["relaxation of materials or springs (Prony terms)"] * relaxing
-    return lines + damping_lines(given, by_material, dashpots, further)
+    return lines + damping_lines(given, by_material, dashpots, further, free > 0)
 
 
 def _has_law(of: h5py.Group, *kinds: str) -> bool:
@@ -318,14 +318,23 @@ def damping_lines(
     by_material: bool = False,
     dashpots: bool = False,
     further: Sequence[str] = (),
+    is_free: bool = False,
 ) -> list[str]:
-    """Damping in words, and what a loss factor rules out."""
+    """Damping in words, what a loss factor rules out, and what alpha does to a free body."""
     units = {"alpha": " 1/s", "beta": " s", "eta": ""}
     given = [f"{name} = {value:g}{units[name]}" for name, value in damping.items() if value]
     given += ["loss factors or tables of materials and springs"] * by_material
     given += ["dashpots"] * dashpots
     given += further
     lines = [f"damping: {', '.join(given)}" if given else "damping: none"]
+    if not given:
+        lines.append("note: without damping nothing is claimed near resonances: --zeta 1%,50,2000")
+    if is_free and damping.get("alpha", 0) > 0:
+        lines.append(
+            f"note: alpha slows the rigid motion too, to 1/e in {1 / damping['alpha']:.3g} s. "
+            "Floating frames (exudyn, sid, mbdyn) leave that out; frequency responses, simulate, "
+            "fmu and state-space hold it"
+        )
     if damping.get("eta") or by_material:
         lines.append(
             "note: a loss factor exists in frequency only: simulate, state-space, fmu, exudyn, "

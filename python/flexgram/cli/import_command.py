@@ -333,7 +333,7 @@ def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
 
     others = [key for key in OF_FILES if key != "format"]
     _refuse(options, ("thickness", *others), " is nothing for --assemble")
-    _refuse(options, ("support",), ": the deck says itself what holds it (*BOUNDARY, SPC)")
+    _refuse(options, ("support",), ": write what holds the body into the deck (*BOUNDARY, SPC)")
     interfaces = [parse(*pair) for pair in named]
     more = {**_of_body(options), **_further(options), **_of_mesh(options)}
     if options.source.suffix.lower() in BULK_DATA:
@@ -446,7 +446,8 @@ def _further(options: argparse.Namespace) -> dict[str, Any]:
 def _say_damping(facts: dict[str, Any]) -> None:
     from flexgram.body.whole import damping_lines
 
-    for line in damping_lines(facts["damping"], further=facts["losses"]):
+    is_free = facts.get("free", 0) > 0
+    for line in damping_lines(facts["damping"], further=facts["losses"], is_free=is_free):
         say(f"  {line}")
 
 

@@ -90,12 +90,24 @@ def run_couple(options: argparse.Namespace) -> None:
         joints,
         turns=turns,
         keep=options.keep,
-        tell=lambda words: say(f"  claim    {words}"),
+        tell=lambda words: say(f"  proving the claim {words}"),
     )
     with written_aside(options.output, *(model.path for model in models.values())) as place:
         whole.save(place)
     for name, words in whole.provenance.plan:
         say(f"  {name:8s} {words}")
+    if whole.frame.rigid_modes:
+        say(
+            f"  free     {whole.frame.rigid_modes} rigid motions are left, and errors are relative "
+            "to |H| with these. If joints will hold it, join it to ground here: the claim is then "
+            "of what is held"
+        )
+    largest = max(model.claim.supremum for model in models.values())
+    if largest > 0 and 10 * largest < whole.claim.supremum < np.inf:
+        say(
+            f"  note     its error is {whole.claim.supremum / largest:.2g} times that of its "
+            "parts: reduce these to a smaller tolerance"
+        )
     say(f"  wrote {options.output}: order {whole.order}, {len(whole.inputs)} inputs")
 
 

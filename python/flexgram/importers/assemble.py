@@ -10,6 +10,7 @@ Whatever else a deck says of its stiffness or mass is refused by name: ccx knows
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -103,24 +104,38 @@ PASSED = {
 }
 
 
-def _refuse_others(job: Job) -> None:
-    """Cards of the model that say something of K or M which is not read here."""
+def _meant(keyword: str) -> str:
+    """The keyword that is nearly this one, else what knows others."""
+    alike = difflib.get_close_matches(keyword, READ | PASSED, 1, 0.8)
+    return f": did you mean *{alike[0]}?" if alike else ": take --run-ccx"
+
+
+def _refuse_others(job: Job, deck: Deck) -> list[str]:
+    """Cards of the model that say something of K or M which is not read here; notes of elements
+    that say nothing."""
+    of_surfaces = dict[str, None]()
     for card in job.model:
         if card.keyword not in READ | PASSED:
-            raise BodyError(
-                f"{job.path}: *{card.keyword} is not supported by --assemble: take --run-ccx"
-            )
+            raise BodyError(f"{card.place} is not supported by --assemble{_meant(card.keyword)}")
         kind = card.options.get("TYPE", "").upper()
         known = (*ELEMENTS, *BENDING, *SHELLS, *BEAMS, *TRUSSES, *TYPES)
         if card.keyword == "ELEMENT" and kind not in (*known, *TAKEN_AS):
-            plane = kind.startswith(("CPS", "CPE", "CAX"))
-            why = (
-                "elements of a plane: gmsh writes these for surfaces. Change them to S3 or S4, or "
-                "import the .msh"
-                if plane
-                else f"not supported, {', '.join(known)} are: take --run-ccx"
-            )
-            raise BodyError(f"{job.path}: elements {kind} are {why}")
+            if kind.startswith(("CPS", "CPE", "CAX")):
+                if any(written in ELEMENTS for written in deck.types.values()):
+                    of_surfaces[kind] = None  # of solids, by gmsh
+                    continue
+                raise BodyError(
+                    f"{card.place}: elements {kind} are elements of a plane: gmsh writes these for "
+                    "surfaces. Change them to S3 or S4, or import the .msh"
+                )
+            alike = difflib.get_close_matches(kind, known, 1, 0.7)
+            meant = f"did you mean {alike[0]}?" if alike else f"{', '.join(known)} are"
+            raise BodyError(f"{card.place}: elements {kind} are not supported: {meant}")
+    return [
+        f"elements {kind} are left out: elements of a plane, which gmsh writes for surfaces of "
+        "solids (a section of theirs is refused)"
+        for kind in of_surfaces
+    ]
 
 
 #: *BOUNDARY by name, of Abaqus: directions from 1.
@@ -259,8 +274,8 @@ def assemble_deck(
     check_damping(alpha, beta, eta)
     lines = flat(path)
     job = read_job(path, lines)
-    _refuse_others(job)
     deck = read_deck(path, lines)
+    of_surfaces = _refuse_others(job, deck)
     if deck.directed:
         raise BodyError(
             f"{path}: beam {deck.directed[0]} has a further node, for its direction 1, which is "
@@ -278,7 +293,7 @@ def assemble_deck(
     mesh, material_of, overlapping = mesh_of(job, deck, materials, sections)
     damping = damping_of(job)
     points = points_of(job, deck)
-    remarks = [*deck.remarks, *damping.remarks, *points.remarks]
+    remarks = [*of_surfaces, *deck.remarks, *damping.remarks, *points.remarks]
     if relaxing := [name for name, of in materials.items() if "viscoelastic" in of]:
         remarks.append(f"relaxation of the deck's materials (*VISCOELASTIC): {', '.join(relaxing)}")
     if damping.loss_factors and eta is None:

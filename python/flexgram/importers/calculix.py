@@ -69,7 +69,7 @@ def read_calculix(
             what = {".sti": "K", ".mas": "M", ".dof": "the dof map"}[suffix]
             raise BodyError(
                 f"{file} ({what}) is missing; ccx writes it in a step *FREQUENCY, "
-                "SOLVER=MATRIXSTORAGE (--run-ccx does all of it)"
+                "SOLVER=MATRIXSTORAGE. --assemble needs no such files; --run-ccx makes them"
             )
     node, component = [], []
     for number, line in enumerate(files[".dof"].read_text(errors="replace").splitlines(), 1):

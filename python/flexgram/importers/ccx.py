@@ -64,6 +64,13 @@ class Card:
     lines: list[str]  #: the keyword line (or lines) first
 
     first: int = 1  #: how many lines that is: the data come after it
+    at: tuple[Path, int] | None = None  #: file and line
+
+    @property
+    def place(self) -> str:
+        """For messages."""
+        where = f"{self.at[0]}, line {self.at[1]}: " if self.at else ""
+        return f"{where}*{self.keyword}"
 
     def words(self) -> Iterator[list[str]]:
         """The data lines, split."""
@@ -95,7 +102,7 @@ def read_job(path: Path, lines: Iterable[Line] | None = None) -> Job:
     job = Job(path)
     cards, step = job.model, False
     open_keyword = False
-    for _, _, line in raw_lines(path) if lines is None else lines:
+    for file, number, line in raw_lines(path) if lines is None else lines:
         comment = line.lstrip().startswith("**")
         if open_keyword and not comment:
             card = cards[-1]
@@ -111,7 +118,7 @@ def read_job(path: Path, lines: Iterable[Line] | None = None) -> Job:
             if keyword == "STEP":
                 job.steps.append([])
                 cards, step = job.steps[-1], True
-            cards.append(Card(keyword, options, [line]))
+            cards.append(Card(keyword, options, [line], at=(file, number)))
             if keyword == "END STEP" and step:
                 cards, step = job.model, False
         elif cards:

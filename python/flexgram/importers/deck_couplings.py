@@ -103,7 +103,7 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
             begun = card
         elif card.keyword in ("KINEMATIC", "DISTRIBUTING"):
             if begun is None:
-                raise BodyError(f"{job.path}: *{card.keyword} without *COUPLING")
+                raise BodyError(f"{card.place} without *COUPLING")
             found.append(_coupling(job, deck, begun, card, surfaces, used, turning))
             begun = None
     references = [coupling.reference for coupling in found]

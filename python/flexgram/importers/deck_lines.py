@@ -20,7 +20,7 @@ SHAPES = {"RECT": (2,), "CIRC": (1, 2), "PIPE": (2,), "BOX": (6,), "I": (7,)}
 
 def where_of(job: Job, card: Card) -> str:
     """The place of a section, for messages."""
-    return f"{job.path}: *{card.keyword}, ELSET={card.options.get('ELSET', '')}"
+    return f"{card.place}, ELSET={card.options.get('ELSET', '')}"
 
 
 def own_material(card: Card) -> str:

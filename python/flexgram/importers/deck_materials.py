@@ -20,7 +20,7 @@ ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 def _numbers(job: Job, card: Card, count: int) -> list[float]:
     """The numbers of a card of a material, eight in a row."""
     words = [word for row in card.words() for word in row if word]
-    where = f"{job.path}: *{card.keyword}"
+    where = f"{card.place}"
     rows = [row for row in card.words() if any(row)]
     if len(rows) > (count + 7) // 8 or len(words) > count + 1:  # behind them: a temperature
         raise BodyError(f"{where}: depends on temperature; --run-ccx knows it")

@@ -98,7 +98,8 @@ def _displacement(fe: FeMatrices, name: str, entry: Mapping[str, Any]) -> Any:
     def chosen(where: Any, place: str) -> Ints:
         if isinstance(where, Mapping) and "at" in where and len(fe.points):
             # Of all nodes: one that is expanded lies between its copies.
-            return fe.labels[[nearest(fe.points, np.array(where["at"], dtype=float), place)]]
+            at = np.array(where["at"], dtype=float)
+            return fe.labels[[nearest(fe.points, at, place, fe.remarks.append)]]
         if isinstance(where, Mapping):
             kind, values = next(iter(where.items()))
             where = f"{kind.upper()}:" + ",".join(str(x) for x in np.ravel(values))

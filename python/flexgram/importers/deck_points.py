@@ -60,7 +60,7 @@ def _elements(job: Job) -> tuple[dict[int, tuple[str, list[int]]], dict[str, lis
 
 
 def _property(job: Job, card: Card) -> list[list[float]]:
-    where = f"{job.path}: *{card.keyword}"
+    where = f"{card.place}"
     others = [o for o in card.options if o not in ("ELSET", "SPRING CONSTANT", "DASHPOT CONSTANT")]
     if others:
         raise BodyError(f"{where} with {others[0]} is not supported by --assemble: take --run-ccx")

@@ -94,7 +94,7 @@ def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str
     for region, card in _sections(job):
         if card.keyword not in OF_SHELLS:
             continue
-        where = f"{job.path}: *{card.keyword}, ELSET={card.options.get('ELSET', '')}"
+        where = f"{card.place}, ELSET={card.options.get('ELSET', '')}"
         if others := sorted(set(card.options) - OPTIONS):
             raise BodyError(f"{where}: {others[0]} is not supported by --assemble: take --run-ccx")
         rows = [words for words in card.words() if any(words)]
@@ -177,7 +177,7 @@ def turn_elements(
         given = orientations.get(card.options.get("ORIENTATION", "").upper())
         if given is None or not given.varies:
             continue
-        where = f"{job.path}: *{card.keyword}, ELSET={card.options.get('ELSET', '')}"
+        where = f"{card.place}, ELSET={card.options.get('ELSET', '')}"
         of_shells = card.keyword in OF_SHELLS
         first = _first_in_surface(given, abaqus=abaqus) if of_shells else 0
         for own in _parts(region, material_of):
@@ -252,7 +252,7 @@ def mesh_of(
     given = 0
     for region, card in _sections(job):
         name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
-        where = f"{job.path}: *{card.keyword}, ELSET={name}, MATERIAL={material}"
+        where = f"{card.place}, ELSET={name}, MATERIAL={material}"
         of_shells = card.keyword in OF_SHELLS
         material = deck_lines.own_material(card) or material
         made_of = [material]
@@ -265,8 +265,18 @@ def mesh_of(
         if lost := sorted({one for one in made_of if one not in materials}):
             name = f"there is no material {lost[0]}" if lost[0] else "it names no material"
             raise BodyError(f"{where}: {name}; there are {', '.join(sorted(materials))}")
-        if name not in deck.elsets or not all("rho" in k and MODULI & k for k in known):
-            raise BodyError(f"{where}: needs elements, *ELASTIC and *DENSITY")
+        if not deck.elsets.get(name):
+            there = ", ".join(sorted(deck.elsets)[:20]) or "none"
+            raise BodyError(
+                f"{where}: there is no such element set, or it is empty; there are {there}"
+            )
+        for one, has in zip(made_of, known, strict=True):
+            if lacks := [
+                card
+                for card, there in (("*ELASTIC", bool(MODULI & has)), ("*DENSITY", "rho" in has))
+                if not there
+            ]:
+                raise BodyError(f"{where}: material {one} has no {' and no '.join(lacks)}")
         expected = ("beams",) if card.keyword in deck_lines.CARDS else ("shells",)
         if card.keyword == "SOLID SECTION":
             expected = ("trusses",) if region in sections else ("solids",)

@@ -73,7 +73,8 @@ def select(fe: FeMatrices, interface: Interface) -> Ints:
         here = np.isin(fe.labels, fe.node)
         points, labels = fe.points[here], fe.labels[here]
         if kind == "AT":
-            return labels[[nearest(points, numbers(place, words, 3), place)]]
+            at = numbers(place, words, 3)
+            return labels[[nearest(points, at, place, fe.remarks.append)]]
         return labels[in_box(points, numbers(place, words, 6).reshape(2, 3), place)]
     hint = f" (NSET:{kind})" if not words else ""
     raise BodyError(f"{place}: {kind} must be NSET, NODES, BOX or AT{hint}")

@@ -109,7 +109,9 @@ class NaturalModes:
         squares, shapes = modes_of(now.system)
         omega = np.sqrt(np.maximum(squares, 0))
         largest = omega[np.isfinite(omega)].max(initial=0)
-        return cls(now, omega, shapes, int(np.sum(omega < 1e-6 * max(largest, 1e-300))))
+        rigid = max(int(np.sum(omega < 1e-6 * max(largest, 1e-300))), model.frame.rigid_modes)
+        omega[:rigid] = 0
+        return cls(now, omega, shapes, rigid)
 
     def elastic(self, count: int) -> tuple[Floats, Floats]:
         """Frequencies [Hz] and shapes (k, m) of the first elastic ones."""

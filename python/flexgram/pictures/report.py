@@ -105,7 +105,8 @@ class _Page:
             f"<p class=lead>{html.escape(made.body)} by flexgram ({html.escape(made.stages)}), "
             f"in {html.escape(rom.name)}{_when(made.log)}</p>",
             f'<p class="claim">{html.escape(tables.sentence(self.model))}</p>',
-            f"<details><summary>What this means</summary><p>{tables.MEANING}</p></details>"
+            "<details><summary>What this means</summary>"
+            f"<p>{html.escape(tables.meaning(self.model))}</p></details>"
             if self.model.claim.kind.startswith("certified")
             else "",
             tables.cards(self.model),

@@ -30,19 +30,39 @@ def sentence(model: ReducedBody) -> str:
     if claim.tolerance is not None:
         asked = f" The tolerance of {claim.tolerance:g} is {'met' if claim.met else 'not met'}."
     size = "at most" if claim.kind.startswith("certified") else "about"
+    of = {
+        "pointwise": "their norm",
+        "elastic": "their norm without rigid motion",
+        "both": "their norm, with rigid motion or without it",
+        "band": "their largest norm in the band",
+    }[claim.relative_to]
+    label = claim.label
+    if claim.kind == "certified outside":
+        count = len(claim.excluded)
+        several = "s" if count != 1 else ""
+        label = f"certified but in {count} narrow interval{several} around undamped resonances"
     return (
-        f"{hz[0].upper()}{hz[1:]} the relative error of the response is {size} "
-        f"{claim.supremum:.1e} ({claim.label}).{asked} Outside of this nothing is claimed."
+        f"{hz[0].upper()}{hz[1:]} the responses of the reduced body differ from those of the full "
+        f"model by {size} {claim.supremum:.1e} of {of} ({label}).{asked} Outside of this nothing "
+        "is claimed."
     )
 
 
-MEANING = (
-    "The bound holds at every frequency of the band but for intervals that are named, not at "
-    "samples alone; of a body with parameters, for the values that are named. It follows from the "
-    "residual of the equations of the full body, and is proved but for one constant: a bound of "
-    "the smallest eigenvalue by random vectors, which is wrong with a chance of one in six "
-    "million. What the mesh and the material leave out of the real part is no part of it."
-)
+def meaning(model: ReducedBody) -> str:
+    """What a certified error is, of this body."""
+    claim = model.claim
+    kinds = ", and of each kind, such as displacements from forces" if len(claim.by_kind) else ""
+    but = ", but in the intervals that are named" if len(claim.excluded) else ""
+    values = ", with the values of the parameters that are named" if claim.parameters else ""
+    return (
+        "The responses are the matrix H of all outputs to unit loads at all inputs. The error is "
+        f"that of its norm{kinds}: a single pair of ports that answers weakly may err by a larger "
+        f"part of itself. The bound holds at every frequency of the band{but}{values}, not at "
+        "samples alone. It follows from the residual of the equations of the full model, and is "
+        "proved but for one constant: random vectors bound the smallest eigenvalue, and are wrong "
+        "with a chance of one in six million. The error of the mesh and of the material's data "
+        "against the real part is not included."
+    )
 
 
 def plan(facts: list[tuple[str, str]]) -> str:
@@ -119,7 +139,9 @@ def cards(model: ReducedBody) -> str:
         "poor"
         if not claim.supremum <= 0.1 or not claim.met
         else "good"
-        if claim.supremum <= 0.01 and claim.kind.startswith("certified")
+        if claim.supremum <= 0.01
+        and claim.kind.startswith("certified")
+        and not model.provenance.warnings
         else "fair"
     )
     hz = claim.bands / (2 * np.pi)
