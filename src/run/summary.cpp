@@ -80,6 +80,22 @@ void say_body(const SecondOrderModel& body, const Observer& observer) {
                     body.damping_class().c_str()));
 }
 
+namespace {
+
+/// Where the band ends below all natural frequencies, the response is nearly static.
+void say_first_mode(const ReducedModel& rom, const Observer& observer) {
+  const auto rigid = static_cast<std::size_t>(rom.frame.rigid_modes);
+  if (!rom.claim.supremum || rigid >= rom.modes.size()) return;
+  const double first = rom.modes[rigid], last = rom.claim.supremum->bands.back()[1];
+  if (first > last)
+    observer.say(
+        text("  No natural frequency lies in the band: the reduced body's first is "
+             "at %.5g Hz.",
+             first * hz));
+}
+
+} // namespace
+
 void say_result(const ReducedModel& rom, const SecondOrderModel& body,
                 const Observer& observer) {
   observer.say(text("Reduced from %lld to %lld dofs.", static_cast<long long>(body.n),
@@ -89,6 +105,7 @@ void say_result(const ReducedModel& rom, const SecondOrderModel& body,
     for (const auto& [name, value] : observer.facts())
       if (name == "error") words = "Relative error of H " + value + ".";
   observer.say(words);
+  say_first_mode(rom, observer);
 }
 
 void say_time(const Observer& observer, MPI_Comm comm) {

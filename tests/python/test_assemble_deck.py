@@ -182,7 +182,13 @@ def test_the_command_line(tmp_path: Path) -> None:
         ("C3D10", ("TYPE=C3D10", "TYPE=C3D10E"), "elements C3D10E are not supported"),
         ("C3D10", ("*STEP", "*CONTACT PAIR\nA,B\n*STEP"), r"\*CONTACT PAIR is not supported"),
         ("C3D10", ("210e9, 0.3", "210e9, 0.3, 20.\n200e9, 0.3, 80."), "depends on temperature"),
-        ("C3D10", ("*DENSITY\n7850\n", ""), r"needs elements, \*ELASTIC and \*DENSITY"),
+        ("C3D10", ("*DENSITY\n7850\n", ""), r"line \d+: .* material STEEL has no \*DENSITY"),
+        ("C3D10", ("*ELASTIC\n210e9, 0.3\n", ""), r"material STEEL has no \*ELASTIC"),
+        ("C3D10", ("ELSET=BODY, MATERIAL", "ELSET=BOBY, MATERIAL"), "there are BODY"),
+        ("C3D10", ("*SOLID SECTION", "*SOILD SECTION"), r"line \d+: .* you mean \*SOLID SECTION"),
+        ("C3D10", ("TYPE=C3D10", "TYPE=C3D10X"), "did you mean C3D10"),
+        ("C3D10", ("210e9, 0.3", "210e9, 0.5"), "nu = 0.5: must lie between -1 and 0.5"),
+        ("C3D10", ("210e9, 0.3", "-210e9, 0.3"), "Young's modulus must be positive"),
         ("C3D10", ("8\n*END STEP", "8\n*BOUNDARY\nEND,1,1,0.1\n*END STEP"), "moves nodes by 0.1"),
         ("C3D10", ("8\n*END STEP", "8\n*BOUNDARY\nNOWHERE,1\n*END STEP"), "no node set NOWHERE"),
         (
@@ -200,6 +206,29 @@ def test_what_is_not_followed(
     assert not change[0] or change[0] in text
     path.write_text(text.replace(*change) if change[0] else text)
     with pytest.raises(BodyError, match=expected):
+        assemble_deck(path, tmp_path / "bar.h5", EYE)
+
+
+def test_surfaces_of_gmsh(tmp_path: Path) -> None:
+    """Elements of planes without a section bound the solids: K and M do not change."""
+    path = deck(tmp_path / "bar.inp", "C3D10")
+    assemble_deck(path, tmp_path / "plain.h5", EYE)
+    text = path.read_text()
+    skin = "*ELEMENT, TYPE=CPS6, ELSET=SURFACE1\n90001, 1, 2, 3, 4, 5, 6\n"
+    path.write_text(text.replace("*MATERIAL", f"{skin}*MATERIAL", 1))
+    facts = assemble_deck(path, tmp_path / "bar.h5", EYE)
+    assert any("CPS6 are left out" in line for line in facts["remarks"])
+    with h5py.File(tmp_path / "plain.h5") as plain, h5py.File(tmp_path / "bar.h5") as bar:
+        assert list(plain["mesh/blocks"]) == list(bar["mesh/blocks"])
+        assert np.array_equal(plain["mesh/points"][:], bar["mesh/points"][:])
+    path.write_text(
+        path.read_text() + "*SOLID SECTION, ELSET=SURFACE1, MATERIAL=STEEL\n"
+        if "*STEP" not in text
+        else path.read_text().replace(
+            "*STEP", "*SOLID SECTION, ELSET=SURFACE1, MATERIAL=STEEL\n*STEP", 1
+        )
+    )
+    with pytest.raises(BodyError, match="ELSET=SURFACE1"):
         assemble_deck(path, tmp_path / "bar.h5", EYE)
 
 

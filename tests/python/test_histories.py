@@ -69,7 +69,11 @@ def test_what_lies_outside_the_band() -> None:
     verdict = judge(rom, *tones({20.0: [1.0, 3.0], 80.0: [0.0, 1.0]}))
     assert verdict.above == pytest.approx(0.1) and verdict.worst_port == "b"
     assert verdict.needed == 80.0 and verdict.elastic_error is None
-    assert any("let the band reach there" in words for words in verdict.words)
+    assert any("let the band reach beyond that" in words for words in verdict.words)
+    assert not any("ms apart" in words for words in verdict.words)
+    coarse = np.arange(0, 1, 0.01)  # 50 Hz at most
+    verdict = judge(rom, coarse, np.cos(40 * np.pi * coarse)[:, None] * [1.0, 1.0])
+    assert any("10 ms apart, so the history holds nothing above 50 Hz" in w for w in verdict.words)
     verdict = judge(rom, *tones({0.0: [1.0, 0.0], 20.0: [1.0, 1.0]}))
     share = np.cos(0) ** 2 / (np.cos(0) ** 2 + 0.5)
     assert verdict.below == pytest.approx(share) and verdict.worst_port == "a"

@@ -169,7 +169,14 @@ class MeshBody:
         supported = np.concatenate([*held, constraints.holding])
         joined = [*nodes.values(), *joined_nodes(self.file), *constraints.joined()]
         parts = Parts.of(len(self.points), self._elements(), joined)
-        return doubts_of_parts(self.points, parts, nodes, supported)
+        found = doubts_of_parts(self.points, parts, nodes, supported)
+        for name, group in self.file["interfaces"].items():
+            if (
+                group.attrs["coupling"] == "rigid"
+                and np.isin(np.flatnonzero(self.used), group["nodes"][:]).all()
+            ):
+                found.append(f"the rigid interface {name} holds every node: nothing is elastic")
+        return found
 
     def _doubts_of_stress(self) -> list[str]:
         """Stress, that of heat too, is that of what K holds: materials that relax have more."""

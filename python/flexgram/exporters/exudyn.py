@@ -100,10 +100,15 @@ def ffrf_terms(
     ['lower', 'upper']
     """
     if not model.frame.integrals or model.frame.rigid_modes != 6:
+        count = model.frame.rigid_modes
         raise BodyError(
-            "EXUDYN's floating frame needs a free body with six rigid modes and its "
-            "frame integrals: reduce it without supports, with coordinates, by "
-            "--frame buckens or tangent, and fix it by joints there"
+            "EXUDYN's floating frame needs a free body with six rigid modes and its frame "
+            + (
+                f"integrals; this has {count}: parts that nothing joins move by themselves"
+                if count > 6
+                else "integrals: reduce it without supports, with coordinates, by --frame buckens "
+                "or tangent, and fix it by joints there"
+            )
         )
     if model.system.loss:
         raise BodyError(

@@ -170,11 +170,11 @@ def cards(model: ReducedBody) -> str:
     ]
     log, seconds = model.provenance.log, sum(model.provenance.seconds.values())
     if seconds:
-        count = int(log.get("factorisations", 0))
+        count, ranks = int(log.get("factorisations", 0)), int(log.get("ranks", 1))
         cards.append(
             (
                 f"{seconds:.2f} s",
-                f"{count} factorisation{'s' * (count != 1)}, {int(log.get('ranks', 1))} rank(s)",
+                f"{count} factorisation{'s' * (count != 1)}, {ranks} rank{'s' * (ranks != 1)}",
                 "",
             )
         )

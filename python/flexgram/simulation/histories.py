@@ -118,6 +118,7 @@ class HistoryAssessment:
     elastic_errors: dict[str, float] | None  #: of the elastic motion of a free body; of others None
     astray: float  #: share of the energy that is none of the loads that the body was reduced for
     proved: bool  #: the errors are bounds, not estimates
+    band_end: float = 0.0  #: [Hz] where the claim ends
 
     @property
     def error(self) -> float:
@@ -159,14 +160,20 @@ class HistoryAssessment:
         said = []
         if self.above > 1 - ENOUGH:
             said.append(
-                f"{100 * self.above:.3g} % of the load at {self.worst_port} lies above the "
-                f"band, where nothing is claimed: {100 * ENOUGH:g} % of every load lies "
-                f"below {self.needed:.4g} Hz, let the band reach there"
+                f"{100 * self.above:.3g} % of the energy of the load at {self.worst_port}, "
+                f"{100 * self.above**0.5:.2g} % of its size, lies above the band, where nothing is "
+                f"claimed: {100 * ENOUGH:g} % of the energy of every load lies below "
+                f"{self.needed:.4g} Hz, let the band reach beyond that"
             )
         if self.below > 1 - ENOUGH:
             said.append(
-                f"{100 * self.below:.3g} % of the loads lies below the band, constant or slow: "
-                "let the band begin lower (at 0 for a body that is held)"
+                f"{100 * self.below:.3g} % of the energy of the loads lies below the band, "
+                "constant or slow: let the band begin lower (at 0 for a body that is held)"
+            )
+        if len(self.hz) > 1 and self.hz[-1] < 1.05 * self.band_end:
+            said.append(
+                f"the times are {500 / self.hz[-1]:.3g} ms apart, so the history holds nothing "
+                f"above {self.hz[-1]:.4g} Hz: what is faster would be taken for something slower"
             )
         return said
 
@@ -299,6 +306,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
         elastic_errors,
         astray,
         claim.kind != "estimated",
+        float(claim.bands.max()) / (2 * np.pi),
     )
 
 
