@@ -89,6 +89,8 @@ def test_the_pages_of_the_rack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     run("modes", tmp_path / "out" / "rack.rom.h5", "-o", tmp_path / "test.unv")
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
+    exec(dict(blocks("README.md"))["python"], names)
+    assert str(names["rom"].claim) == "error 9.0e-05 (certified)" and names["H"].shape == (12, 12)
     exec(dict(blocks("docs/python.md")[:1])["python"], names)
     assert names["rom"].order == 38 and names["small"].order == 30
     assert names["found"].mac.shape[0] > 3 and names["r"].values.shape == (200,)
