@@ -13,7 +13,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure  # not pyplot: the caller's backend stays the caller's
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, Floats
+from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.stress import von_mises
 from flexgram.model.damped_modes import NaturalModes
 from flexgram.model.geometry import Geometry, body_of
@@ -46,6 +46,7 @@ def shapes(model: ReducedBody, body: str | Path | None = None, count: int = 5) -
         name: triangles[np.isin(triangles, nodes).all(axis=1)]
         for name, nodes in geometry.interfaces.items()
     }
+    is_closed = _is_closed(triangles)
     triangles = triangles[:: len(triangles) // 20000 + 1]  # a picture needs no more
     hz, modes = elastic_modes(model, count)
     motion = geometry.motion(model, modes) if len(modes) else np.empty((0, 0, 3))
@@ -62,9 +63,10 @@ def shapes(model: ReducedBody, body: str | Path | None = None, count: int = 5) -
             scale = 0.12 * size / max(np.abs(field[used]).max(), 1e-300)
             amount = np.linalg.norm(field[triangles].mean(axis=1), axis=1)
             color = matplotlib.colormaps["viridis"](amount / max(amount.max(), 1e-300))
-            _draw(axes, (geometry.points + scale * field)[triangles], color)
+            _draw(axes, (geometry.points + scale * field)[triangles], color, is_closed)
         else:
-            _draw(axes, geometry.points[triangles], matplotlib.colors.to_rgba("#9ecae1"))
+            plain = matplotlib.colors.to_rgba("#9ecae1")
+            _draw(axes, geometry.points[triangles], plain, is_closed)
             _mark(axes, geometry, marked)
         title = f"{hz[place - 1]:.5g} Hz" if place else "body and interfaces"
         axes.set_title(title, fontsize=9)
@@ -95,22 +97,35 @@ def _flat(points: Floats) -> Floats:
     return np.stack([points @ _RIGHT, points @ _UP], axis=-1)
 
 
+def _is_closed(triangles: Ints) -> bool:
+    """Whether they are the surface of solids alone: each edge is that of a neighbour, reversed."""
+    first, last = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    count = int(triangles.max()) + 1
+    return np.array_equal(np.sort(first * count + last), np.sort(last * count + first))
+
+
 def _height_by_width(points: Floats) -> float:
     across, up = np.ptp(_flat(points), axis=0)
     return float(up / max(across, 1e-300))
 
 
-def _draw(axes: Any, corners: Floats, color: Any, shade: float = 0.35) -> None:
-    """Triangles (k, 3, 3), the far ones first; those that turn from the light are darker."""
+def _draw(
+    axes: Any, corners: Floats, color: Any, is_closed: bool = False, shade: float = 0.35
+) -> None:
+    """Triangles (k, 3, 3), the far ones first; those that turn from the light are darker, and of a
+    closed surface those that turn from who looks are left out."""
     color = np.array(np.broadcast_to(color, (len(corners), 4)))
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    if is_closed:
+        seen = normal @ _NEAR > 0
+        corners, color, normal = corners[seen], color[seen], normal[seen]
     area = np.linalg.norm(normal, axis=1)
     light = _NEAR + 0.3 * _UP - 0.4 * _RIGHT
     facing = np.abs(normal @ light) / np.maximum(area, 1e-300) / np.linalg.norm(light)
     color[:, :3] *= (1 - shade + shade * facing)[:, None]
     order = np.argsort(corners.mean(axis=1) @ _NEAR)
     axes.add_collection(
-        PolyCollection(_flat(corners[order]), facecolor=color[order], edgecolor="face", lw=0.1)
+        PolyCollection(_flat(corners[order]), facecolor=color[order], edgecolor="face", lw=0.4)
     )
     axes.autoscale_view()
     axes.set_aspect("equal")
@@ -144,6 +159,7 @@ def stress(
     >>> figure = stress(rom, np.eye(rom.order)[0])
     """
     geometry, triangles = _surface(model, body)
+    is_closed = _is_closed(triangles)
     triangles = triangles[:: len(triangles) // 40000 + 1]
     field = geometry.motion(model, q)[0]
     used = np.unique(triangles)
@@ -160,7 +176,7 @@ def stress(
     )
     color = scale.to_rgba(np.nan_to_num(amount))
     color[np.isnan(amount)] = (0.8, 0.8, 0.8, 1.0)
-    _draw(axes, (geometry.points + magnify * field)[triangles], color, shade=0.15)
+    _draw(axes, (geometry.points + magnify * field)[triangles], color, is_closed, shade=0.15)
     figure.colorbar(scale, ax=axes, shrink=0.8, label="von Mises stress [MPa]")
     return figure
 
