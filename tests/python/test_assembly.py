@@ -457,7 +457,7 @@ def test_a_mesh_with_its_material_on_the_command_line(tmp_path: Path) -> None:
         assert dict(steel) == dict(other["materials/steel"].attrs)
     run("import", mesh, "--material", "steel", *LEVER, "-o", by_words)
     with h5py.File(by_words) as file:
-        named = file["materials/material"].attrs
+        named = file["materials/steel"].attrs
         assert named["E"] == pytest.approx(210e9) and named["rho"] == pytest.approx(7850)
 
     def refused(*arguments: Any) -> str:

@@ -308,7 +308,7 @@ def run_modes(options: argparse.Namespace) -> None:
     else:
         least = f"{max(float(error.max(initial=0)), 1e-15):.1e}"
         said = f"  all modes from {band[0]:g} to {band[1]:g} Hz, counted by inertia"
-        say(f"{said}; the body's are lower by {least} of themselves at most (certified)")
+        say(f"{said}; the exact ones are lower by at most {least}, relative (certified)")
     if model.system.is_gyroscopic:
         say(
             "  gyroscopic forces are left out: with them frequencies split and shapes whirl "

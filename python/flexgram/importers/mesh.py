@@ -179,6 +179,7 @@ def describe_mesh(
                 "E=210e9,nu=0.3,rho=7850 in the units of the mesh, and expansion=12e-6 "
                 "[1/K] for heat"
             )
+    called = material if material in MATERIALS else "material"
     described = describe_interfaces(interfaces)
     given = {key: value for key, value in (damping or {}).items() if value is not None}
     sheet: dict[str, Any] = {} if thickness is None else {"section": "sheet"}
@@ -187,9 +188,9 @@ def describe_mesh(
         "name": mesh.stem,
         "mesh": str(mesh.absolute()),
         "units": units,
-        "materials": {"material": values},
+        "materials": {called: values},
         "sections": sections,
-        "regions": {"all": {"material": "material"} | sheet},
+        "regions": {"all": {"material": called} | sheet},
         "interfaces": described,
         "damping": given,
         "loads": dict(loads or {}),

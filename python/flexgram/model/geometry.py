@@ -214,14 +214,44 @@ def interface_motion(model: ReducedBody) -> dict[str, tuple[Floats, Floats]]:
     return result
 
 
-def interface_positions(model: ReducedBody) -> dict[str, Floats]:
-    """Reference positions [m] of the interfaces of a free body, from how its rigid modes move
-    them: the translation under the rotation e_a × x is e_a × x_reference."""
+def positions_in_file(path: str | Path) -> dict[str, Floats]:
+    """Reference positions (3,) [m] of the interfaces of a body file; of one without a reference
+    the mean of its nodes.
+
+    Raises
+    ------
+    BodyError
+        If the file does not tell.
+    """
+    with errors_of(path), h5py.File(path) as file:
+        found = {
+            name: np.asarray(group.attrs["position"], dtype=float)
+            for name, group in file.get("interfaces", {}).items()
+        }
+    if found:
+        return found
+    try:
+        geometry = Geometry.load(path)
+    except BodyError as error:
+        raise BodyError(f"where the interfaces are is not known: {error}") from None
+    found = {name: place for name, (place, _) in geometry.followers.items()}
+    for name, nodes in geometry.interfaces.items():
+        found.setdefault(name, geometry.points[nodes].mean(axis=0))
+    return found
+
+
+def interface_positions(model: ReducedBody, body: str | Path | None = None) -> dict[str, Floats]:
+    """Reference positions (3,) [m] of the interfaces. Of a free body from how its rigid modes move
+    them: the translation under the rotation e_a × x is e_a × x_reference. Of others from the body's
+    file (default: the one that was reduced).
+
+    Raises
+    ------
+    BodyError
+        For a body that is held and whose file is not there, or does not tell.
+    """
     if not model.frame.integrals or model.frame.rigid_modes != 6:
-        raise BodyError(
-            "the positions of interfaces come from the rigid modes of a free body "
-            "(--method two_step, --frame buckens)"
-        )
+        return positions_in_file(body_of(model, body))
     turns = model.frame.integrals.M_er[:6, 3:]  # coordinates of the rotations about the origin
     result = {}
     for name, (translation, _) in interface_motion(model).items():

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import scipy.linalg
 
 from flexgram.basics import BodyError, Floats
-from flexgram.model.geometry import Geometry, body_of, interface_positions
+from flexgram.model.geometry import body_of, interface_positions, positions_in_file
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.response import expect_collocated
 from flexgram.model.system import System
@@ -73,18 +72,7 @@ class PhysicalForm(System):
                 if name in self.interfaces
             }
         path = body_of(model, body)
-        found: dict[str, Floats] = {}
-        with h5py.File(path) as file:
-            for name, group in file.get("interfaces", {}).items():
-                found[name] = np.asarray(group.attrs["position"], dtype=float)
-        if not found:
-            try:
-                geometry = Geometry.load(path)
-            except BodyError as error:
-                raise BodyError(f"where the interfaces are is not known: {error}") from None
-            found = {name: place for name, (place, _) in geometry.followers.items()}
-            for name, nodes in geometry.interfaces.items():
-                found.setdefault(name, geometry.points[nodes].mean(axis=0))
+        found = positions_in_file(path)
         missing = [name for name in self.interfaces if name not in found]
         if missing:
             raise BodyError(f"{path} does not tell where interface {missing[0]} is")

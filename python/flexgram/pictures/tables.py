@@ -207,7 +207,7 @@ def interfaces(model: ReducedBody, body: str | Path | None) -> str:
         name, _, direction = port.rpartition(".")
         of_ports.setdefault(name or port, []).append(direction if name else "")
     try:
-        positions = interface_positions(model)
+        positions = interface_positions(model, body)
     except BodyError:
         positions = {}
     rows = []
