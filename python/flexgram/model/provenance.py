@@ -56,6 +56,12 @@ class Provenance:
         )
 
     @property
+    def words_of_curve(self) -> str:
+        """What the curve of errors in the file is, beside the bound: of an assembly the medium
+        model is not at hand."""
+        return "estimated error" if self.method == "couple" else "error against the medium model"
+
+    @property
     def stages(self) -> str:
         """Method, with the second stage if it is another word."""
         more = self.second_stage not in ("", self.method)

@@ -103,7 +103,7 @@ def errors(model: ReducedBody) -> dict[str, Any]:
         word = "certified" if claim.kind.startswith("certified") else "estimated"
         columns[f"{word} bound"] = (claim.bound, {"color": "#e08214", "strokeWidth": 3})
     if not np.array_equal(claim.error, claim.bound):  # of some assemblies the bound alone is known
-        columns["error against the medium model"] = (claim.error, {"color": "#0868ac"})
+        columns[model.provenance.words_of_curve] = (claim.error, {"color": "#0868ac"})
     if claim.tolerance:
         constant = np.full(len(claim.omega), float(claim.tolerance))
         columns["tolerance"] = (constant, {"color": "#c0392b", "strokePattern": [8, 4]})

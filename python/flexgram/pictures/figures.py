@@ -86,7 +86,7 @@ def error(model: ReducedBody) -> Figure:
         )
     if not np.array_equal(claim.error, claim.bound):  # of some assemblies the bound alone is known
         style, label = (
-            ("-", "error against the medium model") if len(claim.bound) else (".", "error")
+            ("-", model.provenance.words_of_curve) if len(claim.bound) else (".", "error")
         )
         axes.semilogy(hz, np.maximum(claim.error, 1e-17), style, color=REDUCED, lw=1, label=label)
     axes.set(xlabel="frequency [Hz]", ylabel=f"error of H, relative to {claim.short_reference}")

@@ -14,6 +14,11 @@
     return x === 0 ? "0" : Math.abs(x) >= 1e-3 && Math.abs(x) < 1e6
       ? Number(x.toPrecision(4)).toString() : x.toExponential(2);
   }
+  function tick(x) { /* 3e-6, not 3.00e-6; 0.2 beside 0.03 as it is */
+    const size = Math.abs(x);
+    if (size === 0 || (size >= 0.01 && size < 1e5)) return number(x);
+    return x.toExponential(1).replace(".0e", "e").replace("e+", "e");
+  }
   const curves = {}; // "output|input" -> what is drawn of them
   data.pairs.forEach(function (pair, k) { curves[pair.output + "|" + pair.input] = k; });
   const hz = data.hz, reduced = floats(data.reduced), full = data.full && floats(data.full);
@@ -55,7 +60,7 @@
     return {
       x: { logscale: logarithmic.checked, axisLabelFormatter: number,
            valueFormatter: function (x) { return number(x) + " Hz"; } },
-      y: { axisLabelFormatter: number, valueFormatter: number, axisLabelWidth: 90 }
+      y: { axisLabelFormatter: tick, valueFormatter: number, axisLabelWidth: 90 }
     };
   }
   const common = {

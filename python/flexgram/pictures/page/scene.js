@@ -266,11 +266,18 @@
   function draw() {
     renderer.render(scene, camera);
     const at = new THREE.Vector3();
+    const placed = []; // names at the same place stand below each other
     labels.forEach(function (one) {
       at.copy(one.mean).project(camera);
       one.label.style.visibility = at.z < 1 ? "visible" : "hidden";
-      one.label.style.left = (50 + 50 * at.x) + "%";
-      one.label.style.top = (50 - 50 * at.y) + "%";
+      const x = 50 + 50 * at.x;
+      let y = 50 - 50 * at.y;
+      while (one.points && placed.some(function (other) {
+        return Math.abs(other[0] - x) < 12 && Math.abs(other[1] - y) < 5;
+      })) y += 5;
+      if (one.points) placed.push([x, y]);
+      one.label.style.left = x + "%";
+      one.label.style.top = y + "%";
     });
   }
   function fit() {
