@@ -35,7 +35,7 @@ class ReductionWarning(UserWarning):
 
 @contextmanager
 def errors_of(path: str | Path) -> Iterator[None]:
-    """What a damaged file makes readers say, as one error that names the file."""
+    """Turn whatever a reader raises of a damaged file into one BodyError that names the file."""
     try:
         yield
     except BodyError as error:

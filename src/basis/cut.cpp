@@ -121,7 +121,7 @@ void Cut::check() const {
   if (whole_.rigid > 0) refuse_statics_of_a_free_body(bands_.front().first);
 }
 
-/// A level as this request looks at it.
+/// The level restricted to the ports, bands and kinds of this request; kept in the medium model.
 std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level,
                                           const ParameterValues& values) const {
   const KindSpec kinds = request_.order.kinds();

@@ -26,7 +26,7 @@ namespace flexgram {
 /// With ports P = [B, C] and their residuals R = P − A V x, VᵀR = 0, the error is exactly
 ///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ S⁻¹ W_B,   W = E^−½ R,   E = K − ω_c²M,
 /// on the E-orthogonal complement of the Ritz vectors Φ below ω_c, where E is positive
-/// definite: its inertia says so, however inexact Φ is. S = a_k + c T + iωD̃ − J A_Φ⁻¹ Jᵀ
+/// definite: this follows from its inertia, and Φ need not be exact. S = a_k + c T + iωD̃ − J A_Φ⁻¹ Jᵀ
 /// is the Schur complement of Φ (c = a_m + ω_c² a_k, T = E^−½ME^−½ >= 0, J what M and terms
 /// couple Φ to the rest by; with skew terms Jᵀ is that of A(ω)ᵀ); so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over μ >= 0,
 /// δ = ‖J A_Φ⁻¹ Jᵀ‖ (with D that of its Hermitian part), and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
@@ -45,7 +45,7 @@ public:
     bool proved = true;
   };
 
-  /// Ports up to which products of residuals are worth their price.
+  /// Up to this many ports W_CᵀW_B is formed; beyond, the product of the norms is used.
   static constexpr int few_ports = 64;
   /// Squares of the singular values of residuals W.
   struct SquaredValues {

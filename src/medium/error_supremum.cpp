@@ -140,8 +140,8 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   std::vector<double>& best = result.attained_of;
   best.assign(views, 0.0);
   result.at_of.assign(views, 0.0);
-  // Gram matrices tell errors of many ports down to the root of rounding, and no closer for
-  // being looked at again: what is `negligible` is left at what it may be at most.
+  // Gram matrices lose half the digits of the errors of many ports. Intervals whose error is below
+  // this level keep their upper bound: refining them cannot sharpen it.
   const double blurred = medium_.model().has_many_ports() ? 0.1 * level : 0.0;
   const auto priority = [&](const Look& seen) {
     double most_promising = 0;

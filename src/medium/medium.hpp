@@ -58,8 +58,8 @@ struct MediumLevel {
         std::make_shared<const DenseResponse>(response->to_rounding(negligible));
     return other;
   }
-  /// On the frequencies it was judged at. Strong dampers leave the word "estimated"
-  /// however large the space is, modes that are not exact enough do not.
+  /// Whether the bound meets `target` at the frequencies where it was judged. Without a proof only
+  /// with a margin of a thousand: strong dampers rule out a proof, however large the space is.
   bool serves(double target) const {
     return complete && worst <= target && (proved || worst <= 1e-3 * target);
   }

@@ -73,10 +73,10 @@ void Settings::describe_files(Options& options) {
       "-mor_medium_out", medium_out,
       "certified medium model to write, for cut; default medium.h5 (certify), none "
       "(reduce)");
-  options.add_word("-mor_medium_basis", medium_basis, {{"yes", true}, {"no", false}},
-                   "whether the medium file holds the basis V (n × N), without which "
-                   "reduced files have no /V: no shapes, no flexible bodies in a "
-                   "multibody code with pictures");
+  options.add_word(
+      "-mor_medium_basis", medium_basis, {{"yes", true}, {"no", false}},
+      "write the basis V (n × N) into the medium file. Without it reduced files have no "
+      "/V: no shapes, and no pictures of the body in a multibody code");
   options.section("Files", "sweep");
   options.add("-rom", rom, "reduced file to compare with the body");
   options.add("-mor_sweep_out", sweep_out, "file to write, with H over the frequencies");
@@ -91,32 +91,32 @@ void Settings::describe_ports(Options& options) {
   options.add("-mor_outputs", outputs,
               "the same for outputs; default: like the inputs where the outputs are "
               "the inputs, else all");
-  options.section("Ports of the body's own motion", all_but_cut);
+  options.section("Spin loads", all_but_cut);
   options.add_word(
       "-mor_spin_loads", spin_loads, {{"no", false}, {"yes", true}},
-      "whether what the spin of a body does to it is among the inputs and outputs: six "
-      "loads frame.spinxx … frame.spinzx for ω_x² … ω_zω_x [rad²/s²], as outputs the "
-      "change of its inertia; for fast or soft rotors in a floating frame, whose "
-      "centrifugal loads are no loads at interfaces");
+      "add the centrifugal loads of the body's own spin as six inputs, frame.spinxx … "
+      "frame.spinzx for ω_x² … ω_zω_x [rad²/s²], and the change of its inertia as six "
+      "outputs; for fast or soft rotors in a floating frame");
   options.section("Ports", "reduce");
-  options.add("-mor_loads", loads,
-              "table of loads to reduce for, instead of each input by itself: CSV, its "
-              "first line names the loads, each other a port and its share of each load. "
-              "The claim is of the motion along these loads in answer to any in their "
-              "span, relative to all of them together (each of unit norm); the reduced "
-              "body keeps all ports");
-  options.add("-mor_load_patterns", load_patterns, "",
-              "the same for so many leading load patterns of the inputs, those that move "
-              "them most; for hundreds and thousands of ports. 0: each port by itself");
+  options.add(
+      "-mor_loads", loads,
+      "CSV of load cases to reduce for, instead of each input by itself: the first line "
+      "names the load cases, and each other line is a port with its share of each. The "
+      "error is then that of the motion along these load cases, in answer to any of "
+      "their combinations; the reduced body keeps all ports");
+  options.add(
+      "-mor_load_patterns", load_patterns, "",
+      "the same for this many leading load patterns of the inputs, those that move them "
+      "most; for hundreds of ports and more. 0: each port by itself");
 }
 
 void Settings::describe_parameters(Options& options) {
   options.section("Parameters of the body", "reduce certify plan");
   options.add(
       "-mor_parameter_values", parameter_values, "",
-      "values of each parameter of the body, from its least to its most, with which "
-      "the claim is to hold; all combinations, and the values that the body has. "
-      "0: 5 of one parameter, 3 of two, else 2; 1: those of the body alone");
+      "values of each parameter of the body, from its least to its most, with which the "
+      "error is bounded; all combinations, and the values that the body has. 0: 5 of "
+      "one parameter, 3 of two, else 2; 1: those of the body alone");
   options.section("Parameters of the body", all_but_cut);
   options.add(
       "-mor_at", at,
@@ -143,21 +143,22 @@ void Settings::describe_accuracy(Options& options) {
       "Default without -mor_order: 1e-3, but for methods with an order of their own");
   options.add_word(
       "-mor_tol_of", order.each_kind, {{"each_kind", true}, {"whole", false}},
-      "what -mor_tol bounds: the error of H as a whole (eq. 17), which adds m/N and "
-      "rad/(N m) so that the larger number hides the other, or also those of "
-      "displacements from forces and of rotations from moments by themselves (ports "
-      "named x.fx ... x.mz)");
+      "what -mor_tol bounds. whole: one error for H (eq. 17), which mixes m/N and "
+      "rad/(N m). each_kind: also that of each kind of output from each kind of input, "
+      "such as displacements from forces and rotations from moments (ports named x.fx "
+      "... x.mz)");
   options.add_word(
       "-mor_field_error", field_error, {{"no", false}, {"yes", true}},
-      "whether the error of the whole field of displacements is certified too, for each "
-      "kind of inputs: in the norm of the strain energy, relative to that of the field "
-      "(not with a damping matrix)");
+      "certify the error of the whole field of displacements too, for each kind of "
+      "inputs: in the norm of the strain energy, relative to that of the field (not "
+      "with a damping matrix)");
   options.add(
       "-mor_tol_kind", tolerances_of_kinds,
-      "tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5, or of "
-      "outputs by name, foot.ry=1e-3 or foot.*=1e-3; the others keep -mor_tol, all of H "
-      "the largest of them. An error of a kind is relative to the Frobenius norm of its "
-      "block of H, so small rows beside large ones need a name of their own");
+      "tolerances of single kinds: stress=1e-2,displacement from force=1e-5, or of "
+      "outputs by name, foot.ry=1e-3 or foot.*=1e-3. The other kinds keep -mor_tol, and "
+      "H as a whole has the largest of all. The error of a kind is relative to the "
+      "Frobenius norm of its block of H, so small rows beside large ones need a name of "
+      "their own");
   options.add_word("-mor_tol_relative_to", relative_to,
                    {{"both", RelativeTo::both},
                     {"pointwise", RelativeTo::pointwise},
@@ -178,10 +179,10 @@ void Settings::describe_accuracy(Options& options) {
 
 void Settings::describe_method(Options& options) {
   options.section("Reduction", "reduce cut");
-  options.add_word("-mor_port_scaling", equal_ports, {{"none", false}, {"equal", true}},
-                   "weight of the ports in the Gramian: all the same, so that forces "
-                   "and moments (in N m or N mm) count alike, or as their units have "
-                   "it (the paper)");
+  options.add_word(
+      "-mor_port_scaling", equal_ports, {{"none", false}, {"equal", true}},
+      "weight of the ports in the Gramian. equal: forces and moments (in N m or N mm) "
+      "count alike. none: as their units have it (the paper)");
   options.add_word(
       "-mor_inner_product", metric,
       {{"mass", Metric::mass},
@@ -221,9 +222,9 @@ void Settings::describe_second_stage(Options& options) {
               "zero outside");
   options.add_word(
       "-mor_statics", statics, {{"no", false}, {"yes", true}},
-      "whether the small basis begins with the static response to every port (of a free "
-      "body: with its elastic part), as the medium model has it; then slow loads are "
-      "answered without error, for as many vectors");
+      "include the static response to every port in the basis (of a free body its "
+      "elastic part): at most one vector more for each port, and slow loads are as "
+      "exact as the medium model");
   options.add("-mor_moments", moments, "", "moments at each expansion point of krylov");
   options.add_word(
       "-mor_frame", frame,
@@ -263,13 +264,12 @@ void Settings::describe_medium(Options& options) {
       "mass, centre, inertia and the shape integrals that a floating frame of "
       "reference needs, into /frame; auto: if the body is free and has "
       "coordinates");
-  options.add_word("-mor_stiffening", stiffening, {{"no", false}, {"yes", true}},
-                   "geometric stiffening for a floating frame, into /frame: what the "
-                   "stress under unit "
-                   "accelerations and spins of the frame and under unit forces at "
-                   "interfaces adds to the "
-                   "stiffness; of a mesh, a static solve each. A free body is held at "
-                   "-mor_frame_interface for it");
+  options.add_word(
+      "-mor_stiffening", stiffening, {{"no", false}, {"yes", true}},
+      "geometric stiffening for a floating frame, into /frame: the stiffness by the "
+      "stress under unit accelerations and spins of the frame and under unit forces at "
+      "interfaces. For bodies given by a mesh; a static solve each. A free body is held "
+      "at -mor_frame_interface for it");
 }
 
 void Settings::describe_samples(Options& options) {
@@ -296,18 +296,15 @@ void Settings::describe_samples(Options& options) {
 
 void Settings::describe_restart(Options& options) {
   using When = CheckpointSpec::When;
-  options.section("Going on after an end", "reduce certify");
+  options.section("Checkpoint and restart", "reduce certify");
   options.add_word(
       "-mor_checkpoint", checkpoint,
       {{"auto", When::automatic}, {"yes", When::always}, {"no", When::never}},
-      "whether what is finished is written beside the output, to OUTPUT.checkpoint (with "
-      "pod to the folder OUTPUT.samples): after the modes, after each level of the "
-      "medium model, after each "
-      "sample. auto: when the work took more than 20 s so far (of a medium model: and a "
-      "checkpoint takes no more than about 3 % of the time since the last one), and when "
-      "SIGTERM, the time limit of a batch system, asks to end (exit status 3). Removed "
-      "when the output is "
-      "written");
+      "write a checkpoint to OUTPUT.checkpoint (pod: to the folder OUTPUT.samples) "
+      "after the modes, after each level of the medium model and after each sample. "
+      "auto: once the work has taken 20 s (and for a medium model, if it takes at most "
+      "about 3 % of the time since the last one), and when SIGTERM asks to end (exit "
+      "status 3). It is removed when the output is written");
   options.add("-mor_restart", restart,
               "go on from the checkpoint, on any number of ranks; from the beginning if "
               "there is none. One of another body, band, ports or version is refused");

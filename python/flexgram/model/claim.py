@@ -82,8 +82,8 @@ class Claim:
     kind_tolerances : (k,) array
         What was asked of each, where kinds have tolerances of their own; else empty.
     unclaimed : list of str
-        Kinds that nothing is claimed of by themselves (of assemblies). Of others that ``kinds``
-        does not name H is nothing but rounding, if it names any.
+        Kinds that nothing is claimed of by themselves (of assemblies). Where ``kinds`` names any,
+        H is zero up to rounding for kinds in neither list.
     excluded_poles : (k, 3) array
         Undamped resonances in ``excluded``: frequency [rad/s], how far at most the body's is from
         it, relative, and how far its residue, relative. Empty with a damping matrix.

@@ -31,7 +31,8 @@ class Medium:
     bands : (k, 2) array
         Where it is certified [rad/s].
     target : float
-        Relative error that its own error is below; small bodies want fifty times that at least.
+        Certified relative error of this model. Tolerances of reduced bodies should be at least
+        fifty times as large.
     reached : bool
         Whether it is; ``claim`` says so in words.
     cutoff : float

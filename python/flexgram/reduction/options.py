@@ -19,18 +19,18 @@ class OptionsOfReduceAndCertifyAndCut(TypedDict, total=False):
     """The same for outputs; default: like the inputs where the outputs are the inputs, else
     all."""
     tol_of: Literal["each_kind", "whole"]
-    """What tol bounds: the error of H as a whole (eq. 17), which adds m/N and rad/(N m) so that
-    the larger number hides the other, or also those of displacements from forces and of
-    rotations from moments by themselves (ports named x.fx ... x.mz). Default each_kind."""
+    """What tol bounds. whole: one error for H (eq. 17), which mixes m/N and rad/(N m).
+    each_kind: also that of each kind of output from each kind of input, such as displacements
+    from forces and rotations from moments (ports named x.fx ... x.mz). Default each_kind."""
     field_error: bool | Literal["no", "yes"]
-    """Whether the error of the whole field of displacements is certified too, for each kind of
-    inputs: in the norm of the strain energy, relative to that of the field (not with a damping
-    matrix). Default no."""
+    """Certify the error of the whole field of displacements too, for each kind of inputs: in
+    the norm of the strain energy, relative to that of the field (not with a damping matrix).
+    Default no."""
     tol_kind: str | Path | Sequence[str]
-    """Tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5, or of outputs
-    by name, foot.ry=1e-3 or foot.*=1e-3; the others keep tol, all of H the largest of them. An
-    error of a kind is relative to the Frobenius norm of its block of H, so small rows beside
-    large ones need a name of their own."""
+    """Tolerances of single kinds: stress=1e-2,displacement from force=1e-5, or of outputs by
+    name, foot.ry=1e-3 or foot.*=1e-3. The other kinds keep tol, and H as a whole has the
+    largest of all. The error of a kind is relative to the Frobenius norm of its block of H, so
+    small rows beside large ones need a name of their own."""
     relative_to: Literal["both", "pointwise", "elastic", "band"]
     """What errors of H are divided by. pointwise: |H| at the same frequency (eq. 17 of the
     paper; near an antiresonance, where H itself vanishes, the order grows to meet it). elastic:
@@ -66,13 +66,12 @@ class OptionsOfReduceAndCertify(TypedDict, total=False):
     """Options of ``flexgram.reduce``, ``flexgram.certify``."""
 
     spin_loads: bool | Literal["no", "yes"]
-    """Whether what the spin of a body does to it is among the inputs and outputs: six loads
-    frame.spinxx … frame.spinzx for ω_x² … ω_zω_x [rad²/s²], as outputs the change of its
-    inertia; for fast or soft rotors in a floating frame, whose centrifugal loads are no loads
-    at interfaces. Default no."""
+    """Add the centrifugal loads of the body's own spin as six inputs, frame.spinxx …
+    frame.spinzx for ω_x² … ω_zω_x [rad²/s²], and the change of its inertia as six outputs; for
+    fast or soft rotors in a floating frame. Default no."""
     parameter_values: int
-    """Values of each parameter of the body, from its least to its most, with which the claim is
-    to hold; all combinations, and the values that the body has. 0: 5 of one parameter, 3 of
+    """Values of each parameter of the body, from its least to its most, with which the error is
+    bounded; all combinations, and the values that the body has. 0: 5 of one parameter, 3 of
     two, else 2; 1: those of the body alone. Default 0."""
     at: str | Path | Sequence[str]
     """Values of the body's parameters in place of its own, E_rubber=2e6,k_bolt=1e7; with
@@ -86,10 +85,10 @@ class OptionsOfReduceAndCertify(TypedDict, total=False):
     """Mass, centre, inertia and the shape integrals that a floating frame of reference needs,
     into /frame; auto: if the body is free and has coordinates. Default auto."""
     stiffening: bool | Literal["no", "yes"]
-    """Geometric stiffening for a floating frame, into /frame: what the stress under unit
-    accelerations and spins of the frame and under unit forces at interfaces adds to the
-    stiffness; of a mesh, a static solve each. A free body is held at frame_interface for it.
-    Default no."""
+    """Geometric stiffening for a floating frame, into /frame: the stiffness by the stress under
+    unit accelerations and spins of the frame and under unit forces at interfaces. For bodies
+    given by a mesh; a static solve each. A free body is held at frame_interface for it. Default
+    no."""
     ordering: Literal["auto", "best", "nested_dissection", "mumps"]
     """Fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own choice, or
     the best (fewer estimated flops) of the two. auto: the best where many frequencies are
@@ -118,8 +117,8 @@ class OptionsOfReduceAndCut(TypedDict, total=False):
     """Options of ``flexgram.reduce``, ``Medium.reduce``."""
 
     port_scaling: Literal["none", "equal"]
-    """Weight of the ports in the Gramian: all the same, so that forces and moments (in N m or N
-    mm) count alike, or as their units have it (the paper). Default equal."""
+    """Weight of the ports in the Gramian. equal: forces and moments (in N m or N mm) count
+    alike. none: as their units have it (the paper). Default equal."""
     inner_product: Literal["mass", "euclidean", "energy"]
     """In which the modes are orthonormal: mass (independent of units; M + K/omega_max^2 where M
     is singular), euclidean (the paper), energy (M + K/omega_max^2). Default mass."""
@@ -127,9 +126,9 @@ class OptionsOfReduceAndCut(TypedDict, total=False):
     """Weight of the Gramian over the band: f1,w1,f2,w2,... , linear between, zero outside [Hz,
     1]."""
     statics: bool | Literal["no", "yes"]
-    """Whether the small basis begins with the static response to every port (of a free body:
-    with its elastic part), as the medium model has it; then slow loads are answered without
-    error, for as many vectors. Default no."""
+    """Include the static response to every port in the basis (of a free body its elastic part):
+    at most one vector more for each port, and slow loads are as exact as the medium model.
+    Default no."""
     moments: int
     """Moments at each expansion point of krylov. Default 2."""
     frame: Literal["auto", "none", "buckens", "tangent"]
@@ -150,13 +149,13 @@ class ReduceOptions(
     """Options of ``flexgram.reduce``."""
 
     loads: str | Path | Sequence[str]
-    """Table of loads to reduce for, instead of each input by itself: CSV, its first line names
-    the loads, each other a port and its share of each load. The claim is of the motion along
-    these loads in answer to any in their span, relative to all of them together (each of unit
-    norm); the reduced body keeps all ports."""
+    """CSV of load cases to reduce for, instead of each input by itself: the first line names
+    the load cases, and each other line is a port with its share of each. The error is then that
+    of the motion along these load cases, in answer to any of their combinations; the reduced
+    body keeps all ports."""
     load_patterns: int
-    """The same for so many leading load patterns of the inputs, those that move them most; for
-    hundreds and thousands of ports. 0: each port by itself. Default 0."""
+    """The same for this many leading load patterns of the inputs, those that move them most;
+    for hundreds of ports and more. 0: each port by itself. Default 0."""
     samples: int
     """Frequencies at which the response is sampled. Default 30."""
     quadrature: Literal["midpoint", "gauss", "clenshaw_curtis"]
