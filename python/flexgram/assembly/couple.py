@@ -120,6 +120,7 @@ def couple(
     parts = Parts(models, turns or {}, joints)
     K, D, S, terms, ties, springs = _joined(parts, joints)
     N = _motions_left(ties, len(K))
+    _expect_moving(parts, joints, N)
     inputs, outputs = _ports_left(parts, joints, keep)
     direct = _feedthrough(models, parts, joints, inputs, outputs)
     bands = common_bands([m.claim.bands for m in models.values()])
@@ -225,6 +226,19 @@ def _joined(
             else:
                 D += damper * square
     return K, D, S, terms, rows, springs
+
+
+def _expect_moving(parts: Parts, joints: Sequence[Joint], left: Floats) -> None:
+    """Springs and dampers act on a motion that the ties leave."""
+    for joint in joints:
+        for direction, weights in tied(parts, joint) if not joint.ties else []:
+            moved = parts.B @ weights
+            if np.linalg.norm(moved @ left) <= 1e-9 * np.linalg.norm(moved):
+                raise BodyError(
+                    f"joint {joint.first} = {joint.second}: a spring or damper in {direction} does "
+                    "nothing, as a tie holds that motion: name the directions that are tied, "
+                    f"--join {joint.first}={joint.second}:x,y,z"
+                )
 
 
 def _rigid_motions(models: Mapping[str, ReducedBody], held: Sequence[Floats]) -> int:

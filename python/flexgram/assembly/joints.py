@@ -181,7 +181,10 @@ class Parts:
         for name in sorted(self.models, key=len, reverse=True):
             if port.startswith(name + "."):
                 return name
-        raise BodyError(f"{port}: there is no such part; there are {', '.join(self.models)}")
+        there = ", ".join(self.models)
+        raise BodyError(
+            f"{port}: there is no such part; there are {there} (NAME=FILE renames)"
+        )
 
     def has(self, interface: str) -> list[str]:
         """Directions in which an interface can be tied."""

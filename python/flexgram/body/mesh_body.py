@@ -157,6 +157,7 @@ class MeshBody:
             "warnings": [
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
                 *self._doubts_of_parts(held),
+                *self._doubts_of_hinges(),
                 *self._doubts_of_stress(),
                 *dict.fromkeys(self.far),
                 *doubts,
@@ -177,6 +178,18 @@ class MeshBody:
             ):
                 found.append(f"the rigid interface {name} holds every node: nothing is elastic")
         return found
+
+    def _doubts_of_hinges(self) -> list[str]:
+        """Supports that say nothing of rotations, which their nodes have."""
+        turning = [nodes.ravel() for kind, nodes in self.blocks if kind in ("line", *SHELLS)]
+        nodes_that_turn = np.unique(np.concatenate([*turning, np.empty(0, np.int64)]))
+        return [
+            f"support {name}: x, y and z of its nodes are held, and they turn freely. A clamp is "
+            "components: [x, y, z, rx, ry, rz]"
+            for name, entry in self.reader.children("supports").items()
+            if "components" not in entry
+            and np.isin(self.file[f"supports/{name}/nodes"][:], nodes_that_turn).any()
+        ]
 
     def _doubts_of_stress(self) -> list[str]:
         """Stress, that of heat too, is that of what K holds: materials that relax have more."""

@@ -319,7 +319,7 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
         **_of_body(options),
         **_further(options),
         **_of_mesh(options),
-        supports=describe_supports(options.support),
+        supports=describe_supports(options.support, options.thickness is not None),
         thickness=options.thickness,
     )
     _say_mesh(options, counts)

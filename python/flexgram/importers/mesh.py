@@ -103,9 +103,9 @@ def describe_output(text: str) -> tuple[str, dict[str, Any]]:
     return name, {**entry, "nodes": _choice(parse("measure", f"{name}={nodes}"))}
 
 
-def describe_supports(words: Sequence[str]) -> dict[str, Any]:
+def describe_supports(words: Sequence[str], of_shells: bool = False) -> dict[str, Any]:
     """Entry ``supports`` from words of a command line, ``NAME=[x,y,…:]WHERE``: directions that are
-    held there, by default all."""
+    held there, by default all that nodes have."""
     found: dict[str, Any] = {}
     for text in words:
         name, _, where = text.partition("=")
@@ -114,7 +114,8 @@ def describe_supports(words: Sequence[str]) -> dict[str, Any]:
         first, colon, rest = where.partition(":")
         directions = [word.strip() for word in first.split(",")]
         some = colon and set(directions) <= set(COMPONENTS)
-        entry = {"components": directions} if some else {}
+        every = [*COMPONENTS] if of_shells else [*COMPONENTS][:3]
+        entry = {"components": directions if some else every}
         nodes = _choice(parse("support", f"{name}={rest if some else where}"))
         found[name] = {"nodes": nodes, **entry}
     return found
