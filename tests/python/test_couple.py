@@ -17,6 +17,7 @@ from bodies import box, write_body_file
 from conftest import body_system, run
 from flexgram import ReducedModel
 from flexgram.assembly.couple import Joint, couple, read_joint, verdict
+from flexgram.basics import BodyError
 from flexgram.model.damped_modes import NaturalModes
 from flexgram.pictures.scene import libraries
 
@@ -80,6 +81,17 @@ def test_rigid_motions_are_counted(joints: list[str], left: int, tmp_path: Path)
     assert modes.rigid == left and not modes.omega[:left].any()
     again = couple({"a": whole}, [])  # an assembly as a part
     assert again.frame.rigid_modes == left
+
+
+@pytest.mark.parametrize("kind", ["stiffness", "damping"])
+def test_a_spring_on_a_tied_motion_is_refused(kind: str) -> None:
+    """It would do nothing."""
+    rng = np.random.default_rng(3)
+    parts = {f"p{i}": reduced(random_body(rng, 6), 1e-3) for i in range(2)}
+    spring = Joint("p0.b", "p1.a", **{kind: {"z": 5.0}})
+    with pytest.raises(BodyError, match=r"p0\.b = p1\.a: a spring or damper in z does nothing"):
+        couple(parts, [Joint("p0.b", "p1.a", ["x", "y", "z"]), spring])
+    assert couple(parts, [Joint("p0.b", "p1.a", ["x", "y"]), spring]).order > 0
 
 
 #: Of parts of an assembly, by random numbers; FLEXGRAM_PAIRS=25 for a longer run.

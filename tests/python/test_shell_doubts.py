@@ -209,6 +209,24 @@ def test_parts_of_two_kinds(tmp_path: Path) -> None:
         write(tmp_path / "b.h5", both, {"thickness": 0.1}, **alone)
 
 
+def test_supports_of_sheets(tmp_path: Path) -> None:
+    """The command line clamps; a description that says nothing of rotations makes a hinge of an
+    edge, and the import says so."""
+    mesh = sheet("quad", (4, 2), flat(0.2, 0.1))
+    meshio.write(tmp_path / "sheet.inp", mesh)
+    words = ["import", tmp_path / "sheet.inp", "--material", "steel", "--thickness", "0.002"]
+    words += ["--node", "tip=NODES:1", "-o", tmp_path / "sheet.h5"]
+    clamped = run(*words, "--support", "edge=NSET:end").out
+    assert "0 of 6 rigid motions are free" in clamped and "turn freely" not in clamped
+    hinged = run(*words, "--support", "edge=x,y,z:NSET:end").out
+    assert "1 of 6 rigid motions are free" in hinged and "turn freely" not in hinged
+    facts = write(
+        tmp_path / "b.h5", mesh, {"thickness": 0.002}, interfaces=PORT,
+        supports={"edge": {"nodes": "end"}}, damping={"alpha": 3.0},
+    )  # fmt: skip
+    assert any("support edge: " in said and "turn freely" in said for said in facts["warnings"])
+
+
 def test_outputs_of_the_command_line(tmp_path: Path) -> None:
     meshio.write(tmp_path / "sheet.vtu", sheet("quad", (4, 2), flat(0.2, 0.1)))
     said = run(
