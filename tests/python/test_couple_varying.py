@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from assemblies import BAND, joined_response, random_body
 
 import flexgram
+from conftest import run
 from flexgram import BodyError, Matrices, ReducedModel
 from flexgram.assembly.couple import couple, read_joint, verdict
 from flexgram.assembly.joints import Joint
@@ -218,6 +219,8 @@ def test_a_damper_known_between_two_numbers(tmp_path: Path) -> None:
     assert sorted(whole.system.parameters) == ["p0.b.x", "p0.b.x.damping", "p0.soft"]
     assert whole.kind == "certified" and whole.certified_error < 0.05
     whole.save(tmp_path / "whole.h5")
+    said = run("modes", tmp_path / "whole.h5").out
+    assert "with p0.b.x = 4, p0.b.x.damping = 0.2, p0.soft = 2" in said
     loaded = ReducedModel.load(tmp_path / "whole.h5")
     for x, damper, soft in product((2.0, 8.0), (0.1, 0.4), (1.0, 3.0)):
         at = loaded.at(**{"p0.b.x": x, "p0.b.x.damping": damper, "p0.soft": soft})

@@ -292,6 +292,8 @@ def run_modes(options: argparse.Namespace) -> None:
     shapes = bool(options.measured) or suffix in (".unv", ".uff")
     modes = ms.mode_shapes(model, options.body, options.hz, at_nodes=shapes)
     band = model.claim.band / (2 * np.pi) if options.band is None else np.array(ends)
+    if now := {name: law.value for name, law in model.system.parameters.items()}:
+        say(f"  with {', '.join(f'{name} = {value:g}' for name, value in now.items())}")
     for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True), 1):
         beyond = "" if band[0] <= f <= band[-1] else "  outside the band"
         beyond += ": of the reduced body only" if beyond and options.band is None else ""
