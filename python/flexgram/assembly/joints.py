@@ -182,9 +182,7 @@ class Parts:
             if port.startswith(name + "."):
                 return name
         there = ", ".join(self.models)
-        raise BodyError(
-            f"{port}: there is no such part; there are {there} (NAME=FILE renames)"
-        )
+        raise BodyError(f"{port}: there is no such part; there are {there} (NAME=FILE renames)")
 
     def has(self, interface: str) -> list[str]:
         """Directions in which an interface can be tied."""
