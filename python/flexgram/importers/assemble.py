@@ -129,8 +129,11 @@ def _refuse_others(job: Job, deck: Deck) -> list[str]:
                     "surfaces. Change them to S3 or S4, or import the .msh"
                 )
             alike = difflib.get_close_matches(kind, known, 1, 0.7)
-            meant = f"did you mean {alike[0]}?" if alike else f"{', '.join(known)} are"
-            raise BodyError(f"{card.place}: elements {kind} are not supported: {meant}")
+            meant = f" (did you mean {alike[0]}?)" if alike else ""
+            raise BodyError(
+                f"{card.place}: elements {kind} are not supported{meant}, {', '.join(known)} are; "
+                "take --run-ccx for others of CalculiX"
+            )
     return [
         f"elements {kind} are left out: elements of a plane, which gmsh writes for surfaces of "
         "solids (a section of theirs is refused)"
