@@ -81,6 +81,20 @@ def test_rigid_motions_are_counted(joints: list[str], left: int, tmp_path: Path)
     assert modes.rigid == left and not modes.omega[:left].any()
     again = couple({"a": whole}, [])  # an assembly as a part
     assert again.frame.rigid_modes == left
+    assert ("free" in dict(whole.provenance.plan)) == (left > 0)
+
+
+def test_a_spring_within_a_body_leaves_it_free(tmp_path: Path) -> None:
+    """Its ends turn by as much when the body turns, but for rounding."""
+    write_body_file(
+        tmp_path / "box.h5",
+        box("hexahedron", (6, 2, 2)),
+        interfaces={n: {"set": n, "coupling": "rigid"} for n in ("start", "end")},
+        damping=(5.0, 1e-7, 0),
+    )
+    rom = flexgram.reduce(tmp_path / "box.h5", (10, 3000), 1e-3)
+    spring = Joint("p0.start", "p0.end", stiffness={"rx": 1e3, "ry": 2e3})
+    assert couple({"p0": rom}, [spring], keep=["p0.start"]).frame.rigid_modes == 6
 
 
 @pytest.mark.parametrize("kind", ["stiffness", "damping"])

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -118,9 +118,10 @@ def couple(
         model.system.expect_symmetric(f"couple: part {name}: an assembly")
     varying = parameters_of(models, joints)
     parts = Parts(models, turns or {}, joints)
-    K, D, S, terms, ties, springs = _joined(parts, joints)
-    N = _motions_left(ties, len(K))
-    _expect_moving(parts, joints, N)
+    held = [Held(joint, d, weights) for joint in joints for d, weights in tied(parts, joint)]
+    K, D, S, terms = _joined(parts, held)
+    N = _motions_left([parts.B @ one.weights for one in held if one.joint.ties], len(K))
+    _expect_moving(parts, held, N)
     inputs, outputs = _ports_left(parts, joints, keep)
     direct = _feedthrough(models, parts, joints, inputs, outputs)
     bands = common_bands([m.claim.bands for m in models.values()])
@@ -161,7 +162,7 @@ def couple(
             K_now += term.law.stiffness * fields[path]
     squares = natural_modes(K_now, fields["M"])[0]
     fields["modes/omega"] = np.sqrt(np.maximum(squares[np.isfinite(squares)], 0))
-    fields["frame/rigid_modes"] = _rigid_motions(models, [*ties, *springs])
+    fields["frame/rigid_modes"] = _rigid_motions(parts, held)
     fields["modes/omega"][: fields["frame/rigid_modes"]] = 0  # but for rounding
     values = combinations(models, joints)
     known = AssemblyBound.with_each(
@@ -179,6 +180,18 @@ def couple(
     )
     fields |= _claim(known)
     fields["log/plan"] = [f"parts\t{', '.join(models)}", f"error\t{known.words}"]
+    if free := fields["frame/rigid_modes"]:
+        fields["log/plan"].append(
+            f"free\t{free} rigid motions are left, and errors are relative to |H| with these. If "
+            "joints will hold it, join it to ground here: the claim is then of what is held"
+        )
+    largest = max(model.claim.supremum for model in models.values())
+    worst = float(fields["error/worst"])
+    if largest > 0 and 10 * largest < worst < np.inf:
+        fields["log/plan"].append(
+            f"note\tits error is {worst / largest:.2g} times that of its parts: reduce these to a "
+            "smaller tolerance"
+        )
     if varying:
         fields["error/parameter_values"] = values
         fields["error/parameter_values/names"] = list(varying)
@@ -195,68 +208,71 @@ def couple(
     return ReducedModel(fields, lambda path: _write(fields, Path(path)))
 
 
-def _joined(
-    parts: Parts, joints: Sequence[Joint]
-) -> tuple[Floats, Floats, Floats, list[Term], list[Floats], list[Floats]]:
-    """K, D, S and the terms of all parts with springs and dampers between them; the rows of what
-    is tied, and of what springs hold. Of what varies K holds the least stiffness, and a term the
-    rest."""
+class Held(NamedTuple):
+    """A motion that a joint ties, or that its spring and damper act on."""
+
+    joint: Joint
+    direction: str
+    weights: Floats  #: of the ports of all parts
+
+
+def _joined(parts: Parts, held: Sequence[Held]) -> tuple[Floats, Floats, Floats, list[Term]]:
+    """K, D, S and the terms of all parts with springs and dampers between them. Of what varies K
+    holds the least stiffness, and a term the rest."""
     K, D, S, terms = parts.K.copy(), parts.D.copy(), parts.S.copy(), list(parts.terms)
-    rows: list[Floats] = []
-    springs: list[Floats] = []
-    for joint in joints:
-        for direction, weights in tied(parts, joint):
-            moved = parts.B @ weights  # of q: what the outputs of the same ports measure
-            if joint.ties:
-                rows.append(moved)
-                continue
-            square = np.outer(moved, moved)
-            name = f"{joint.first}.{direction}"
-            spring = joint.complex_stiffness(direction)
-            if law := joint.parameters.get(name):
-                spring = law.least * (1 + 1j * joint.loss)
-                terms.append(Term(name, law, square))
-            K, S = K + spring.real * square, S + spring.imag * square
-            if spring:
-                springs.append(moved)
-            damper = joint.damping.get(direction, 0.0)
-            if isinstance(damper, Parameter):
-                name += ".damping"
-                terms.append(Term(name, joint.parameters[name], square))
-            else:
-                D += damper * square
-    return K, D, S, terms, rows, springs
+    for joint, direction, weights in held:
+        if joint.ties:
+            continue
+        moved = parts.B @ weights  # of q: what the outputs of the same ports measure
+        square = np.outer(moved, moved)
+        name = f"{joint.first}.{direction}"
+        spring = joint.complex_stiffness(direction)
+        if law := joint.parameters.get(name):
+            spring = law.least * (1 + 1j * joint.loss)
+            terms.append(Term(name, law, square))
+        K, S = K + spring.real * square, S + spring.imag * square
+        damper = joint.damping.get(direction, 0.0)
+        if isinstance(damper, Parameter):
+            name += ".damping"
+            terms.append(Term(name, joint.parameters[name], square))
+        else:
+            D += damper * square
+    return K, D, S, terms
 
 
-def _expect_moving(parts: Parts, joints: Sequence[Joint], left: Floats) -> None:
+def _expect_moving(parts: Parts, held: Sequence[Held], left: Floats) -> None:
     """Springs and dampers act on a motion that the ties leave."""
-    for joint in joints:
-        for direction, weights in tied(parts, joint) if not joint.ties else []:
-            moved = parts.B @ weights
-            if np.linalg.norm(moved @ left) <= 1e-9 * np.linalg.norm(moved):
-                raise BodyError(
-                    f"joint {joint.first} = {joint.second}: a spring or damper in {direction} does "
-                    "nothing, as a tie holds that motion: name the directions that are tied, "
-                    f"--join {joint.first}={joint.second}:x,y,z"
-                )
+    for joint, direction, weights in held:
+        moved = parts.B @ weights
+        if not joint.ties and np.linalg.norm(moved @ left) <= 1e-9 * np.linalg.norm(moved):
+            raise BodyError(
+                f"joint {joint.first} = {joint.second}: a spring or damper in {direction} does "
+                "nothing, as a tie holds that motion: name the directions that are tied, "
+                f"--join {joint.first}={joint.second}:x,y,z"
+            )
 
 
-def _rigid_motions(models: Mapping[str, ReducedBody], held: Sequence[Floats]) -> int:
-    """How many rigid motions of the parts are left where these rows (count,) are held. Frequencies
-    do not tell: rounding of K leaves them at a ten-millionth of the highest."""
+def _rigid_motions(parts: Parts, held: Sequence[Held]) -> int:
+    """How many rigid motions of the parts ties and springs leave. Frequencies do not tell: rounding
+    of K leaves them at a ten-millionth of the highest."""
     free = []
-    for model in models.values():
+    for model in parts.models.values():
         count = model.frame.rigid_modes
         is_first = model.frame.kind != "none" or not count
         shapes = np.eye(model.order) if is_first else NaturalModes.of(model).shapes
         free.append(shapes[:, :count])
-    motions = scipy.linalg.block_diag(*free)
-    rows = [row @ motions for row in held]
-    moving = [r / np.linalg.norm(r) for r in rows if np.linalg.norm(r) > 0]
-    if not moving or not motions.shape[1]:
-        return int(motions.shape[1])
-    values = np.linalg.svd(np.array(moving), compute_uv=False)
-    return int(motions.shape[1] - np.sum(values > 1e-8 * values[0]))
+    of_ports = scipy.linalg.block_diag(*free).T @ parts.B
+    rows = []
+    for joint, direction, weights in held:
+        row = of_ports @ weights
+        # Of ends on one body what cancels is rounding.
+        size, ends = np.linalg.norm(row), np.linalg.norm(of_ports, axis=0) @ np.abs(weights)
+        if size > 1e-9 * ends and (joint.ties or direction in joint.stiffness):
+            rows.append(row / size)
+    if not rows:
+        return len(of_ports)
+    values = np.linalg.svd(np.array(rows), compute_uv=False)
+    return len(of_ports) - int(np.sum(values > 1e-8 * values[0]))
 
 
 def _motions_left(ties: Sequence[Floats], count: int) -> Floats:

@@ -96,18 +96,6 @@ def run_couple(options: argparse.Namespace) -> None:
         whole.save(place)
     for name, words in whole.provenance.plan:
         say(f"  {name:8s} {words}")
-    if whole.frame.rigid_modes:
-        say(
-            f"  free     {whole.frame.rigid_modes} rigid motions are left, and errors are relative "
-            "to |H| with these. If joints will hold it, join it to ground here: the claim is then "
-            "of what is held"
-        )
-    largest = max(model.claim.supremum for model in models.values())
-    if largest > 0 and 10 * largest < whole.claim.supremum < np.inf:
-        say(
-            f"  note     its error is {whole.claim.supremum / largest:.2g} times that of its "
-            "parts: reduce these to a smaller tolerance"
-        )
     say(f"  wrote {options.output}: order {whole.order}, {len(whole.inputs)} inputs")
 
 

@@ -257,6 +257,16 @@ class Claim:
         }[self.relative_to]
 
     @property
+    def plain_reference(self) -> str:
+        """The same of responses, in a sentence: "… of their norm"."""
+        return {
+            "pointwise": "their norm",
+            "elastic": "their norm without rigid motion",
+            "both": "their norm, with rigid motion or without it",
+            "band": "their largest norm in the band",
+        }[self.relative_to]
+
+    @property
     def words_of_reference(self) -> str:
         """What errors are relative to, in words."""
         whole = "the norm of H (eq. 17 of Fehr, Eberhard and Lehner)"

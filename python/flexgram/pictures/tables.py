@@ -30,12 +30,6 @@ def sentence(model: ReducedBody) -> str:
     if claim.tolerance is not None:
         asked = f" The tolerance of {claim.tolerance:g} is {'met' if claim.met else 'not met'}."
     size = "at most" if claim.kind.startswith("certified") else "about"
-    of = {
-        "pointwise": "their norm",
-        "elastic": "their norm without rigid motion",
-        "both": "their norm, with rigid motion or without it",
-        "band": "their largest norm in the band",
-    }[claim.relative_to]
     label = claim.label
     if claim.kind == "certified outside":
         count = len(claim.excluded)
@@ -43,8 +37,8 @@ def sentence(model: ReducedBody) -> str:
         label = f"certified but in {count} narrow interval{several} around undamped resonances"
     return (
         f"{hz[0].upper()}{hz[1:]} the responses of the reduced body differ from those of the full "
-        f"model by {size} {claim.supremum:.1e} of {of} ({label}).{asked} Outside of this nothing "
-        "is claimed."
+        f"model by {size} {claim.supremum:.1e} of {claim.plain_reference} ({label}).{asked} "
+        "Outside of this nothing is claimed."
     )
 
 
