@@ -135,6 +135,40 @@ def test_a_blade(tmp_path: Path) -> None:
     assert (tmp_path / "campbell.png").exists() and (tmp_path / "blade400.rom.h5").exists()
 
 
+MESHER = (4, 8)  #: of gmsh, whose meshes the tutorials show
+NUMBER = re.compile(r"-?\d[\d.]*(?:e[-+]?\d+)?")
+
+
+def is_said(shown: str, said: str) -> bool:
+    """Whether a line holds what is shown: its words, and its numbers but for what other versions of
+    mesher and EXUDYN change, a twentieth or one. Numbers of nodes may be those of mirror images."""
+    words = NUMBER.sub("#", shown)
+    numbers = [float(x) for x in NUMBER.findall(shown)]
+    for line in said.splitlines():
+        at = NUMBER.sub("#", line).find(words)
+        if at < 0:
+            continue
+        skipped = NUMBER.sub("#", line)[:at].count("#")
+        found = [float(x) for x in NUMBER.findall(line)][skipped : skipped + len(numbers)]
+        if words.startswith("node"):
+            found[0] = numbers[0]
+        near = [
+            abs(a - b) <= max(0.05 * abs(b), 1e-6, 1 if b == round(b) else 0)
+            for a, b in zip(found, numbers, strict=True)
+        ]
+        if all(near):
+            return True
+    return False
+
+
+def test_numbers_are_compared() -> None:
+    said = "Reduced from 7143 to 19 dofs.\nlargest stress of the neck: 23.6 MPa\n"
+    assert is_said("largest stress of the neck: 23.8 MPa", said)
+    assert is_said("Reduced from 7143 to 20 dofs.", said)
+    assert not is_said("largest stress of the neck: 33.6 MPa", said)
+    assert not is_said("largest stress of the eye: 23.6 MPa", said)
+
+
 @pytest.mark.parametrize(
     ("page", "files", "pictures"),
     [
@@ -146,8 +180,9 @@ def test_a_blade(tmp_path: Path) -> None:
 )
 def test_tutorials(page: str, files: list[str], pictures: list[str], tmp_path: Path) -> None:
     """Programs and commands in their order, and the lines that each page shows of the last."""
-    for module in ("gmsh", "exudyn"):
-        pytest.importorskip(module)
+    pytest.importorskip("exudyn")
+    gmsh = pytest.importorskip("gmsh")
+    version = (gmsh.GMSH_API_VERSION_MAJOR, gmsh.GMSH_API_VERSION_MINOR)
     (tmp_path / ".venv" / "bin").mkdir(parents=True)
     (tmp_path / ".venv" / "bin" / "activate").touch()
     (tmp_path / "scripts").mkdir()
@@ -161,10 +196,12 @@ def test_tutorials(page: str, files: list[str], pictures: list[str], tmp_path: P
     said, waiting = "", list(files)
     for k, (language, text) in enumerate(others):
         if language == "text":
-            number = r"-?\d[\d.]*(e[-+]?\d+)?"
-            plain = re.sub(number, "#", said)
             for line in text.splitlines():
-                assert re.sub(number, "#", line.partition("…")[0]).strip() in plain
+                shown = line.partition("…")[0].strip()
+                if version != MESHER:  # another mesh: its words alone
+                    assert NUMBER.sub("#", shown) in NUMBER.sub("#", said), (line, said)
+                else:
+                    assert is_said(shown, said), (line, said)
             continue
         if language:
             name = waiting.pop(0)
