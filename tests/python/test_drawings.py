@@ -49,9 +49,11 @@ def test_the_body_fills_the_picture(bar: flexgram.ReducedModel) -> None:
             np.sin(elevation),
         ]
     )
-    assert np.allclose(drawings._NEAR, near) and np.isclose(drawings._RIGHT @ drawings._NEAR, 0)
-    assert np.allclose(np.cross(drawings._RIGHT, drawings._UP), near)
-    flat = drawings._flat(geometry.points)
+    assert np.allclose(drawings._EYE.near, near) and np.isclose(
+        drawings._EYE.right @ drawings._EYE.near, 0
+    )
+    assert np.allclose(np.cross(drawings._EYE.right, drawings._EYE.up), near)
+    flat = drawings._EYE.flat(geometry.points)
     limits = np.array([axes.get_xlim(), axes.get_ylim()]).T
     size = np.ptp(flat, axis=0)
     assert np.all(limits[0] <= flat.min(axis=0)) and np.all(limits[1] >= flat.max(axis=0))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import io
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +12,7 @@ import matplotlib
 import matplotlib.cm
 import matplotlib.colors
 import numpy as np
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure  # not pyplot: the caller's backend stays the caller's
 from numpy.typing import ArrayLike
 
@@ -19,6 +22,7 @@ from flexgram.model.damped_modes import NaturalModes
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
+from flexgram.pictures.scene import ANGLE, DIRECTION, DISTANCE, MARKS, PLAIN, Scene
 
 
 def elastic_modes(model: ReducedBody, count: int) -> tuple[Floats, Floats]:
@@ -81,20 +85,43 @@ def _surface(model: ReducedBody, body: str | Path | None) -> tuple[Geometry, Any
     return geometry, triangles
 
 
-#: Directions in space of the picture: to the right, up, and towards who looks (azimuth -60,
-#: elevation 30 degrees).
-_RIGHT, _UP, _NEAR = np.array(
-    [
-        [np.sqrt(3) / 2, 0.5, 0],
-        [-0.25, np.sqrt(3) / 4, np.sqrt(3) / 2],
-        [np.sqrt(3) / 4, -0.75, 0.5],
-    ]
-)
+@dataclass(frozen=True)
+class Eye:
+    """Where a picture is seen from.
+
+    Attributes
+    ----------
+    right, up, near : (3,) arrays
+        Directions of the picture in space: to the right, up, and towards who looks.
+    distance : float
+        Of the eye from the origin [m]; infinite: parallel rays.
+    """
+
+    right: Floats
+    up: Floats
+    near: Floats
+    distance: float = np.inf
+
+    @classmethod
+    def towards(cls, near: ArrayLike, distance: float = np.inf) -> Eye:
+        """With the z axis upright; ``near`` has any length and is not along z."""
+        unit = np.asarray(near, dtype=float) / np.linalg.norm(near)
+        right = np.cross([0.0, 0.0, 1.0], unit)
+        right /= np.linalg.norm(right)
+        return cls(right, np.cross(unit, right), unit, distance)
+
+    def flat(self, points: Floats) -> Floats:
+        """(…, 3) points in space -> (…, 2) in the picture, in the scale of the origin's depth."""
+        scale = 1 / (1 - points @ self.near / self.distance)
+        return np.stack([scale * (points @ self.right), scale * (points @ self.up)], axis=-1)
+
+    def faces(self, middles: Floats, normals: Floats) -> Any:
+        """Whether each face turns to the eye."""
+        return np.einsum("ij,ij->i", normals, self.near - middles / self.distance) > 0
 
 
-def _flat(points: Floats) -> Floats:
-    """(…, 3) points in space -> (…, 2) in the picture."""
-    return np.stack([points @ _RIGHT, points @ _UP], axis=-1)
+#: Azimuth -60, elevation 30 degrees.
+_EYE = Eye.towards([np.sqrt(3) / 4, -0.75, 0.5])
 
 
 def _is_closed(triangles: Ints) -> bool:
@@ -105,27 +132,32 @@ def _is_closed(triangles: Ints) -> bool:
 
 
 def _height_by_width(points: Floats) -> float:
-    across, up = np.ptp(_flat(points), axis=0)
+    across, up = np.ptp(_EYE.flat(points), axis=0)
     return float(up / max(across, 1e-300))
 
 
 def _draw(
-    axes: Any, corners: Floats, color: Any, is_closed: bool = False, shade: float = 0.35
+    axes: Any,
+    corners: Floats,
+    color: Any,
+    is_closed: bool = False,
+    shade: float = 0.35,
+    eye: Eye = _EYE,
 ) -> None:
     """Triangles (k, 3, 3), the far ones first; those that turn from the light are darker, and of a
     closed surface those that turn from who looks are left out."""
     color = np.array(np.broadcast_to(color, (len(corners), 4)))
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     if is_closed:
-        seen = normal @ _NEAR > 0
+        seen = eye.faces(corners.mean(axis=1), normal)
         corners, color, normal = corners[seen], color[seen], normal[seen]
     area = np.linalg.norm(normal, axis=1)
-    light = _NEAR + 0.3 * _UP - 0.4 * _RIGHT
+    light = eye.near + 0.3 * eye.up - 0.4 * eye.right
     facing = np.abs(normal @ light) / np.maximum(area, 1e-300) / np.linalg.norm(light)
     color[:, :3] *= (1 - shade + shade * facing)[:, None]
-    order = np.argsort(corners.mean(axis=1) @ _NEAR)
+    order = np.argsort(corners.mean(axis=1) @ eye.near)
     axes.add_collection(
-        PolyCollection(_flat(corners[order]), facecolor=color[order], edgecolor="face", lw=0.4)
+        PolyCollection(eye.flat(corners[order]), facecolor=color[order], edgecolor="face", lw=0.4)
     )
     axes.autoscale_view()
     axes.set_aspect("equal")
@@ -181,17 +213,50 @@ def stress(
     return figure
 
 
+def still(scene: Scene) -> str:
+    """The body of a page at rest. It is shown until the page's script draws, and where none can.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    str
+        Address with the picture inside (``data:image/png``), square.
+    """
+    low, high = scene.points.min(axis=0), scene.points.max(axis=0)
+    centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 0.5
+    eye = Eye.towards(DIRECTION, DISTANCE * radius)
+    points = scene.points - centre
+    figure = Figure(figsize=(4.8, 4.8), dpi=100)
+    axes = figure.add_axes((0, 0, 1, 1))
+    if len(scene.triangles):
+        plain = matplotlib.colors.to_rgba(PLAIN)
+        _draw(axes, points[scene.triangles], plain, _is_closed(scene.triangles), eye=eye)
+    axes.add_collection(LineCollection(eye.flat(points[scene.lines]), color=PLAIN, lw=1.5))
+    for k, (_, at) in enumerate(scene.marked().values()):
+        flat = eye.flat(at - centre)
+        axes.plot(*flat.T, "s", ms=2.5, mew=0, color=MARKS[k % len(MARKS)])
+    half = np.tan(np.radians(ANGLE / 2)) * eye.distance
+    axes.set(xlim=(-half, half), ylim=(-half, half))
+    axes.set_axis_off()
+    data = io.BytesIO()
+    figure.savefig(data, format="png")
+    return "data:image/png;base64," + base64.b64encode(data.getvalue()).decode()
+
+
 def _mark(axes: Any, geometry: Geometry, marked: dict[str, Any]) -> None:
     """Faces of each interface in a colour, seen through the body, and its nodes."""
     for k, (name, nodes) in enumerate(geometry.interfaces.items()):
         color = f"C{1 + k % 9}"
         faces = marked[name]
         if len(faces):
-            flat = _flat(geometry.points[faces])
+            flat = _EYE.flat(geometry.points[faces])
             axes.add_collection(PolyCollection(flat, facecolor=color, alpha=0.6, zorder=10))
         size = 1 if len(faces) else 4
         axes.plot(
-            *_flat(geometry.points[nodes]).T, ".", ms=size, color=color, label=name, zorder=11
+            *_EYE.flat(geometry.points[nodes]).T, ".", ms=size, color=color, label=name, zorder=11
         )
     if geometry.interfaces:
         axes.legend(fontsize=7, loc="best", markerscale=4)

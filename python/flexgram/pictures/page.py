@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError
-from flexgram.pictures.scene import Scene, libraries
+from flexgram.pictures.drawings import still
+from flexgram.pictures.scene import DIRECTION, Scene, libraries
 
 #: Styles and scripts of our own.
 OWN = Path(__file__).parent / "page"
@@ -17,7 +18,7 @@ WITHOUT = (
     "the body to turn and the responses to zoom into: their libraries are not installed (Debian: "
     "apt install libjs-three libjs-dygraphs)"
 )
-SIDES = {"a corner": "1,-1.4,0.8", "x": "1,0,0", "y": "0,-1,0", "z": "0,-0.001,1"}
+SIDES = {"a corner": ",".join(map(str, DIRECTION)), "x": "1,0,0", "y": "0,-1,0", "z": "0,-0.001,1"}
 
 
 def expect_name(output: str | Path) -> None:
@@ -50,7 +51,7 @@ def document(title: str, parts: Sequence[str], data: dict[str, Any] | None = Non
         if "chart-data" in data:
             code += [known["dygraph"], known["synchronizer"]]
         own = {"scene-data": "scene.js", "chart-data": "charts.js"}
-        code += [(OWN / own[name]).read_text() for name in data]
+        code += [_after_the_first_picture((OWN / own[name]).read_text()) for name in data]
         scripts += [f"<script>{_inside(text)}</script>" for text in code]
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8">'
@@ -59,6 +60,11 @@ def document(title: str, parts: Sequence[str], data: dict[str, Any] | None = Non
         "</head>"
         f"<body>{''.join(parts)}{''.join(scripts)}</body></html>\n"
     )
+
+
+def _after_the_first_picture(script: str) -> str:
+    """A script that runs when the browser has drawn what needs none."""
+    return f"requestAnimationFrame(function () {{ setTimeout(function () {{\n{script}}}); }});"
 
 
 def _inside(text: str) -> str:
@@ -100,12 +106,12 @@ def viewer(scene: Scene, marked: str = "interfaces") -> str:
         'value="1"></label>'
         f'<label><input class="names" type="checkbox" checked> {marked}</label>'
         f"<span>seen from {looks}</span></div>"
-        '<div class="view"></div>'
+        f'<div class="view"><img class="still" alt="The body at rest." src="{still(scene)}"></div>'
         '<div class="tools"><label hidden>moment <input class="moment" type="range" min="0" '
         'value="0"></label></div><p class="told" aria-live="polite"></p>'
         '<div class="bar" hidden><span class="from"></span><i></i><span class="to"></span>'
-        '<span class="words"></span></div><noscript>Scripts are off: the body cannot be drawn.'
-        "</noscript>"
+        '<span class="words"></span></div><noscript>Scripts are off: the picture does not '
+        "move.</noscript>"
         '<p class="lead">Drag or use the arrow keys to turn, the wheel or + and - to zoom'
         f"{', the space bar to play. Motions are enlarged' if moves else ''}.{few}{drawn}</p>"
         "</section>"

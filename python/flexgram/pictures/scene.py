@@ -13,6 +13,13 @@ import numpy as np
 from flexgram.basics import BodyError, Floats, Ints
 from flexgram.model.geometry import Geometry
 
+#: How a page looks at the body first: from where, at how many of its radii, the angle of view
+#: [degrees]; the colours of body and interfaces.
+DIRECTION = (1.0, -1.4, 0.8)
+DISTANCE = 3.9
+ANGLE = 30
+PLAIN = "#9ecae1"
+MARKS = ("#d62728", "#ff7f0e", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf")
 #: Triangles that a page draws at most, and the bytes of its motions.
 TRIANGLES = 40_000
 BYTES = 1_600_000
@@ -191,23 +198,32 @@ class Scene:
             sizes = of_nodes.max(axis=1)
         self.history["worst"] = int(np.argmax(sizes))
 
+    def marked(self) -> dict[str, tuple[Ints, Floats]]:
+        """Interfaces with some nodes, not all: which of the points these are, (k,), and where they
+        are, (l, 3) [m]; no more than a picture needs."""
+        place = {int(node): k for k, node in enumerate(self.nodes)}
+        found = {}
+        for name, nodes in self.interfaces.items():
+            if not 0 < len(nodes) < self.count:
+                continue
+            drawn = np.array([place[int(n)] for n in nodes if int(n) in place], dtype=np.int64)
+            at = self.points[drawn] if len(drawn) else self.positions[name]
+            found[name] = (drawn[:: len(drawn) // 400 + 1], at[:: len(at) // 400 + 1])
+        return found
+
     def data(self) -> dict[str, Any]:
         """For the page, as JSON."""
         low, high = self.points.min(axis=0), self.points.max(axis=0)
         centre = 0.5 * (low + high)
         points, unit = as_shorts(self.points - centre)
-        place = {int(node): k for k, node in enumerate(self.nodes)}
-        shown = {}
-        for name, nodes in self.interfaces.items():
-            if not 0 < len(nodes) < self.count:  # none, or all of it
-                continue
-            drawn = [place[int(n)] for n in nodes if int(n) in place]
-            at = self.positions[name] - centre
-            shown[name] = {
-                "drawn": drawn[:: len(drawn) // 400 + 1],
-                "points": [] if drawn else at[:: len(at) // 400 + 1].ravel().tolist(),
-                "middle": at.mean(axis=0).tolist(),
+        shown = {
+            name: {
+                "drawn": drawn.tolist(),
+                "points": [] if len(drawn) else (at - centre).ravel().tolist(),
+                "middle": (self.positions[name].mean(axis=0) - centre).tolist(),
             }
+            for name, (drawn, at) in self.marked().items()
+        }
         return {
             "points": points,
             "unit": unit,
@@ -216,6 +232,8 @@ class Scene:
             "triangles": packed(self.triangles, "u4"),
             "lines": packed(self.lines, "u4"),
             "interfaces": shown,
+            "look": {"from": DIRECTION, "radii": DISTANCE, "angle": ANGLE},
+            "colours": {"plain": PLAIN, "marks": MARKS},
             "motions": self.motions,
             "history": self.history,
         }

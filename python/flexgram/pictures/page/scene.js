@@ -6,7 +6,7 @@
   if (!place) return;
   const data = JSON.parse(document.getElementById("scene-data").textContent);
   const VIRIDIS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
-  const MARKS = ["#d62728", "#ff7f0e", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf"];
+  const MARKS = data.colours.marks, PLAIN = new THREE.Color(data.colours.plain);
 
   function bytes(text) {
     const raw = atob(text), all = new Uint8Array(raw.length);
@@ -33,8 +33,8 @@
   try {
     renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
   } catch (error) {
-    place.querySelector(".view").textContent =
-      "This browser cannot draw in space (WebGL is off).";
+    place.querySelector(".told").textContent =
+      "This browser cannot draw in space (WebGL is off): the picture does not move.";
     return;
   }
   const view = place.querySelector(".view"), canvas = renderer.domElement;
@@ -46,14 +46,14 @@
   view.appendChild(canvas);
 
   const scene = new THREE.Scene(), radius = data.size / 2;
-  const camera = new THREE.PerspectiveCamera(30, 1, 0.01 * radius, 100 * radius);
+  const camera = new THREE.PerspectiveCamera(data.look.angle, 1, 0.01 * radius, 100 * radius);
   camera.up.set(0, 0, 1);
   const controls = new THREE.OrbitControls(camera, canvas);
   controls.enableKeys = false;
   controls.addEventListener("change", draw);
   function look(direction) {
     const wide = Math.min(1, view.clientWidth / view.clientHeight); // narrow screens: from farther
-    camera.position.copy(direction.normalize().multiplyScalar(3.9 * radius / wide));
+    camera.position.copy(direction.normalize().multiplyScalar(data.look.radii * radius / wide));
     controls.target.set(0, 0, 0);
     controls.update();
   }
@@ -162,7 +162,7 @@
     colours.needsUpdate = true;
   }
   function plain() {
-    for (let i = 0; i < count; ++i) colours.array.set([0.62, 0.79, 0.88], 3 * i);
+    for (let i = 0; i < count; ++i) PLAIN.toArray(colours.array, 3 * i);
     colours.needsUpdate = true;
   }
   function scaleBar(from, to, words) {
@@ -340,8 +340,9 @@
     draw();
   });
   window.addEventListener("resize", fit);
-  look(new THREE.Vector3(1, -1.4, 0.8));
+  look(new THREE.Vector3().fromArray(data.look.from));
   fit();
   show(history ? "history" : motions.length ? "0" : "rest");
+  view.querySelector(".still").remove();
   place.dataset.ready = "yes";
 })();
