@@ -15,57 +15,24 @@ from numpy.typing import NDArray
 
 from flexgram.basics import BodyError, Ints, check_name, errors_of
 from flexgram.body import damping
-from flexgram.body.constraints import COMPONENTS, Constraints, write_constraints
-from flexgram.body.discrete import joined_nodes, write_masses, write_springs
-from flexgram.body.faces import CORNERS, middle_of
+from flexgram.body.blocks import write_blocks
+from flexgram.body.constraints import COMPONENTS, write_constraints
+from flexgram.body.discrete import write_masses, write_springs
+from flexgram.body.doubts import doubts_of_hinges, doubts_of_joints, doubts_of_stress
+from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
 from flexgram.body.materials import write_material
-from flexgram.body.meshfile import (
-    ALONE,
-    FORMULATIONS,
-    LABELS,
-    MEMBRANE,
-    PYRAMIDS,
-    SECOND_ORDER,
-    SHELLS,
-    SOLIDS,
-    node_set,
-)
-from flexgram.body.orientation import element_axes, expect_in_surface
+from flexgram.body.meshfile import ALONE, PYRAMIDS, SECOND_ORDER, node_set
 from flexgram.body.outputs import write_outputs
-from flexgram.body.parameters import PARAMETER, region_material
 from flexgram.body.preload import write_preload
-from flexgram.body.reader import LOSS, Reader, short
+from flexgram.body.reader import Reader, short
 from flexgram.body.second_order import Gained, divide
 from flexgram.body.sections import ROD, SHELL, is_shell, section_properties, shell_properties
 from flexgram.body.selection import in_box, nearest
 from flexgram.body.shells import doubts_of_shells, first_axis
 from flexgram.body.spin import write_spin
 from flexgram.body.universal_mesh import LEFT_OUT
-from flexgram.body.whole import (
-    Block,
-    Parts,
-    doubts_of_parts,
-    doubts_of_units,
-    expect_no_repeats,
-    merged_nodes,
-    summary,
-)
-
-
-def _formulation(region: Reader, kind: str) -> str:
-    """Of the elements of a kind in a region; empty: the usual one."""
-    known = FORMULATIONS.get(kind, ())
-    given = str(region.data.get("formulation", ""))
-    if given and given not in known:
-        of_kind = f"{kind} has {', '.join(known)}" if known else f"{kind} has one only"
-        raise BodyError(f"{region.where}: formulation = {given!r}: {of_kind}")
-    usual = known[:1]
-    return "" if given in ("", *usual) else given
-
-
-#: Keys of a region.
-REGION = ("material", "section", "formulation", "orientation", PARAMETER)
+from flexgram.body.whole import Block, doubts_of_units, expect_no_repeats, merged_nodes, summary
 
 
 class MeshBody:
@@ -101,12 +68,11 @@ class MeshBody:
         self.points = np.asarray(mesh.points, dtype=float)
         self.used = np.zeros(len(self.points), dtype=bool)  # by an element of the body
         self.merged: Ints | None = None  # the node that each became one with
-        self.blocks: list[tuple[str, Ints]] = []
+        self.elements: list[Block] = []
         self.gained: list[Gained] = []  # nodes in the middle of shells
         self.far: list[str] = []  # places that no node is near
         self.middles: list[Gained] = []  # and of pyramids' bases
         self.alone: Ints = np.empty((0, 1), dtype=np.int64)  # nodes that no element has
-        self.ids: list[Ints] = []  # of their elements: the FE code's numbers, else from 1 on
 
     def write(self) -> dict[str, Any]:
         """Write all of it; returns the counts of ``import_body``."""
@@ -121,11 +87,16 @@ class MeshBody:
             write_material(file, name, data, self.units)
         self._write_sections()
         self._merge_nodes()
-        self._write_blocks()
+        self.elements = write_blocks(file, reader, self.mesh, self.cells, self.units)
+        if reader.choice("repeated_elements", ("refuse", "keep"), "refuse") == "refuse":
+            expect_no_repeats(self.elements)
+        for block in self.elements:
+            self.used[block.nodes.ravel()] = True
         self._write_nodes_alone()
         interfaces = self._write_interfaces()
         held = self._write_supports()
-        placed = [*self.blocks, (ALONE, self.alone)]
+        blocks = [(block.kind, block.nodes) for block in self.elements]
+        placed = [*blocks, (ALONE, self.alone)]
         constraints = write_constraints(
             file, reader, self.select_areas, self.points, placed, self.length
         )
@@ -136,7 +107,7 @@ class MeshBody:
             *(self.folder, self.merged, [*self.middles, *self.gained]),
         )
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
-        doubts = doubts_of_shells(file, self.points, self._elements())
+        doubts = doubts_of_shells(file, self.points, self.elements)
         for name in set(write_preload(file, reader, [*interfaces, *loads])) & set(loads):
             loads[name] += ", of the preload: no input"
         write_spin(file, reader, self.length)
@@ -146,67 +117,25 @@ class MeshBody:
         notes = [f"note: {words}" for words in (self.mesh.info or {}).get(LEFT_OUT, [])]
         return {
             "points": int(self.used.sum()),
-            "elements": sum(len(nodes) for _, nodes in self.blocks),
+            "elements": sum(len(nodes) for _, nodes in blocks),
             "interfaces": interfaces,
             "loads": loads,
             "outputs": outputs,
             "extent": extent,
             "units": reader.get("units", "SI"),
-            "kinds": sorted({kind for kind, _ in self.blocks}),
+            "kinds": sorted({kind for kind, _ in blocks}),
             "summary": [*summary(file), *discrete, *constraints, *notes],
             "warnings": [
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
-                *self._doubts_of_parts(held),
-                *self._doubts_of_hinges(),
-                *self._doubts_of_stress(),
+                *doubts_of_joints(
+                    file, self.points, self.elements, np.flatnonzero(self.used), held
+                ),
+                *doubts_of_hinges(file, reader, self.elements),
+                *doubts_of_stress(file, reader),
                 *dict.fromkeys(self.far),
                 *doubts,
             ],
         }
-
-    def _doubts_of_parts(self, held: list[Ints]) -> list[str]:
-        nodes = {name: group["nodes"][:] for name, group in self.file["interfaces"].items()}
-        constraints = Constraints.of(self.file)
-        supported = np.concatenate([*held, constraints.holding])
-        joined = [*nodes.values(), *joined_nodes(self.file), *constraints.joined()]
-        parts = Parts.of(len(self.points), self._elements(), joined)
-        found = doubts_of_parts(self.points, parts, nodes, supported)
-        for name, group in self.file["interfaces"].items():
-            if (
-                group.attrs["coupling"] == "rigid"
-                and np.isin(np.flatnonzero(self.used), group["nodes"][:]).all()
-            ):
-                found.append(f"the rigid interface {name} holds every node: nothing is elastic")
-        return found
-
-    def _doubts_of_hinges(self) -> list[str]:
-        """Supports that say nothing of rotations, which their nodes have."""
-        turning = [nodes.ravel() for kind, nodes in self.blocks if kind in ("line", *SHELLS)]
-        nodes_that_turn = np.unique(np.concatenate([*turning, np.empty(0, np.int64)]))
-        return [
-            f"support {name}: x, y and z of its nodes are held, and they turn freely. A clamp is "
-            "components: [x, y, z, rx, ry, rz]"
-            for name, entry in self.reader.children("supports").items()
-            if "components" not in entry
-            and np.isin(self.file[f"supports/{name}/nodes"][:], nodes_that_turn).any()
-        ]
-
-    def _doubts_of_stress(self) -> list[str]:
-        """Stress, that of heat too, is that of what K holds: materials that relax have more."""
-        relaxing = [
-            name for name, material in self.file["materials"].items() if set(material) - {LOSS}
-        ]
-        found = []
-        for key, kind in (("outputs", "stress"), ("loads", "temperature")):
-            entries = self.reader.children(key)
-            some = [str(name) for name, entry in entries.items() if entry.get("type") == kind]
-            if relaxing and some:
-                found.append(
-                    f"{key} {', '.join(some)}: stress in {', '.join(relaxing)} is that of the "
-                    "long-term (of a table or a parameter: the least) moduli, without what is "
-                    "beside these"
-                )
-        return found
 
     def _divide_second_order(self) -> None:
         """Shells and beams of second order become elements of first order, pyramids tetrahedra."""
@@ -340,6 +269,7 @@ class MeshBody:
 
     def _write_interfaces(self) -> dict[str, dict[str, Any]]:
         """Write them; returns what is told of each."""
+        blocks = [(block.kind, block.nodes) for block in self.elements]
         interfaces: dict[str, dict[str, Any]] = {}
         follows: dict[int, str] = {}  # node -> rigid interface
         if not self.reader.children("interfaces"):
@@ -355,7 +285,7 @@ class MeshBody:
             nodes = self.select_areas(entry.get("nodes"), entry.where)
             group = self.file.create_group(f"interfaces/{check_name(entry.where, str(name))}")
             group.attrs["coupling"] = entry.choice("coupling", ("rigid", "distributing", "node"))
-            middle = middle_of(self.points, self.blocks, nodes)
+            middle = middle_of(self.points, blocks, nodes)
             position = entry.vector("position", middle.position)
             group.attrs["position"] = self.length * position
             interfaces[str(name)] = {
@@ -407,113 +337,6 @@ class MeshBody:
             supports.append(group["nodes"][:])
         return supports
 
-    def _write_blocks(self) -> None:
-        """Element blocks by region and cell type; marks the nodes that they use."""
-        regions = self.reader.children("regions")
-        if not regions:
-            raise BodyError(
-                f"{self.reader.where}: regions is missing: name a part of the mesh and its "
-                f"material; the mesh has {', '.join(sorted(self.cells))}"
-            )
-        taken = [np.zeros(len(block.data), dtype=bool) for block in self.mesh.cells]
-        labels = self.mesh.cell_data.get(LABELS)  # of an FE code, if it has numbers of its own
-        if labels is None:
-            ends = np.cumsum([len(block.data) for block in self.mesh.cells])
-            labels = [
-                np.arange(end - len(block.data), end) + 1
-                for end, block in zip(ends, self.mesh.cells, strict=True)
-            ]
-        known = ", ".join(sorted(self.cells))
-        for name, data in regions.items():
-            entry = Reader(data, f"regions: {name}", REGION)
-            section = ""  # of beams, or of shells; parts may hold lines and faces beside solids
-            if "section" in data:
-                section = entry.choice("section", self.reader.children("sections"))
-            properties = self.file["sections"][section].attrs if section else {}
-            of_shells = "thickness" in properties
-            material = ""  # of layers: their own
-            if "layer_materials" not in properties:
-                material = entry.choice("material", self.reader.children("materials"))
-                if PARAMETER in data:
-                    material, own = region_material(
-                        self.reader.children("materials"), entry, str(name)
-                    )
-                    write_material(self.file, material, own, self.units)
-            elif PARAMETER in data:
-                raise BodyError(
-                    f"{entry.where}: layers have no parameter; a section of one material can"
-                )
-            elif "material" in data:
-                raise BodyError(f"{entry.where}: the layers of section {section} have materials")
-            known_kinds = SOLIDS if not section else SHELLS if of_shells else (*SOLIDS, "line")
-            if str(name) not in self.cells:
-                only = ", ".join(sorted({block.type for block in self.mesh.cells})) or "nothing"
-                has = f"it has {known}"
-                if "all" not in self.cells:
-                    solids = ", ".join(SOLIDS)
-                    has = f"it has no known elements, only {only}: mesh it with {solids}"
-                raise BodyError(f"{entry.where}: the mesh has no such part; {has}")
-            solid = False
-            if of_shells:
-                self._expect_shells(str(name), entry)
-            for block, chosen in enumerate(self.cells[str(name)]):
-                kind = self.mesh.cells[block].type
-                if len(chosen) == 0 or kind not in known_kinds:
-                    continue
-                if taken[block][chosen].any():
-                    raise BodyError(
-                        f"{entry.where}: some of its elements belong to another region too"
-                    )
-                taken[block][chosen] = solid = True
-                nodes = np.asarray(self.mesh.cells[block].data[chosen], dtype=np.int64)
-                self.used[nodes.ravel()] = True
-                group = self.file.create_group(f"mesh/blocks/{len(self.blocks):04d}")
-                group.attrs["type"], group.attrs["material"] = kind, material
-                if kind not in SOLIDS:
-                    group.attrs["section"] = section
-                is_rod = kind == "line" and "I_y" not in properties
-                formulation = "rod" if is_rod else _formulation(entry, kind)
-                if formulation:
-                    group.attrs["formulation"] = formulation
-                group["connectivity"] = nodes
-                group["ids"] = np.asarray(labels[block][chosen], dtype=np.int64)
-                if kind not in (*SOLIDS, *SHELLS):
-                    if "orientation" in entry.data:
-                        raise BodyError(f"{entry.where}: orientation is of solids and shells")
-                else:
-                    of = f"{kind}/{formulation}" if formulation else kind
-                    axes = element_axes(self.mesh, block, chosen, of, entry)
-                    if axes is not None:
-                        group["axes"] = axes
-                    if axes is not None and kind in SHELLS:
-                        expect_in_surface(self.points, nodes, axes, entry.where)
-                flat = f"{kind}/{MEMBRANE}" if formulation == MEMBRANE else kind
-                self.blocks.append((ROD if is_rod else flat, nodes))
-                self.ids.append(group["ids"][:])
-            if not solid:
-                kinds = {
-                    self.mesh.cells[b].type for b, c in enumerate(self.cells[str(name)]) if len(c)
-                }
-                has = ", ".join(sorted(kinds))
-                if of_shells:
-                    raise BodyError(
-                        f"{entry.where}: a section of shells takes "
-                        f"{', '.join((*SHELLS, *SECOND_ORDER))}; it has {has}"
-                    )
-                if not section and kinds <= set(CORNERS):
-                    raise BodyError(
-                        f"{entry.where}: its elements are faces ({has}): if they are shells, "
-                        f"give the region a section of shape shell "
-                        "(import: --thickness); if they bound solids, name the part with these"
-                    )
-                raise BodyError(
-                    f"{entry.where}: no elements that flexgram knows; it has "
-                    f"{has}, known are {', '.join(SOLIDS)}; with a section "
-                    f"of a shell {', '.join(SHELLS)}, with that of a beam line"
-                )
-        if self.reader.choice("repeated_elements", ("refuse", "keep"), "refuse") == "refuse":
-            expect_no_repeats(self._elements())
-
     def _write_nodes_alone(self) -> None:
         """Nodes with six dofs that no element has: equations, springs and masses hold them."""
         if not (given := self.reader.data.get("nodes_alone")):
@@ -528,17 +351,3 @@ class MeshBody:
             raise BodyError(f"{where}: node {nodes[self.used[nodes]][0] + 1} has elements")
         self.file["mesh/alone/connectivity"] = self.alone = nodes[:, None]
         self.used[nodes] = True
-
-    def _expect_shells(self, part: str, entry: Reader) -> None:
-        """A part with a section of shells has no other elements than these, points and lines."""
-        blocks = zip(self.mesh.cells, self.cells[part], strict=True)
-        kinds = {cells.type for cells, chosen in blocks if len(chosen)}
-        others = {kind for kind in kinds - set(SHELLS) if kind in CORNERS or kind in SOLIDS}
-        if others and kinds & set(SHELLS):
-            raise BodyError(
-                f"{entry.where}: it has a section of shells, which are {' and '.join(SHELLS)}, and "
-                f"{', '.join(sorted(others))} too: name parts of one kind"
-            )
-
-    def _elements(self) -> list[Block]:
-        return [Block(*block, ids) for block, ids in zip(self.blocks, self.ids, strict=True)]

@@ -1,0 +1,73 @@
+"""Warnings of an import: parts that nothing joins, hinges of shells and beams, some stress."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import h5py
+import numpy as np
+
+from flexgram.basics import Floats, Ints
+from flexgram.body.constraints import Constraints
+from flexgram.body.discrete import joined_nodes
+from flexgram.body.meshfile import SHELLS
+from flexgram.body.reader import LOSS, Reader
+from flexgram.body.whole import Block, Parts, doubts_of_parts
+
+
+def doubts_of_joints(
+    file: h5py.File, points: Floats, elements: Sequence[Block], used: Ints, held: Sequence[Ints]
+) -> list[str]:
+    """Parts that nothing joins, and rigid interfaces that leave nothing elastic.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Body file with its interfaces, constraints, masses and springs.
+    points : (N, 3) array
+        In the mesh's own units.
+    elements : sequence of Block
+    used : (n,) int array
+        Nodes of the body.
+    held : sequence of int arrays
+        Nodes of each support.
+    """
+    nodes = {name: group["nodes"][:] for name, group in file["interfaces"].items()}
+    constraints = Constraints.of(file)
+    supported = np.concatenate([*held, constraints.holding])
+    joined = [*nodes.values(), *joined_nodes(file), *constraints.joined()]
+    parts = Parts.of(len(points), elements, joined)
+    found = doubts_of_parts(points, parts, nodes, supported)
+    for name, group in file["interfaces"].items():
+        if group.attrs["coupling"] == "rigid" and np.isin(used, nodes[name]).all():
+            found.append(f"the rigid interface {name} holds every node: nothing is elastic")
+    return found
+
+
+def doubts_of_hinges(file: h5py.File, reader: Reader, elements: Sequence[Block]) -> list[str]:
+    """Supports that say nothing of rotations, which their nodes have."""
+    turning = [block.nodes.ravel() for block in elements if block.kind in ("line", *SHELLS)]
+    nodes_that_turn = np.unique(np.concatenate([*turning, np.empty(0, np.int64)]))
+    return [
+        f"support {name}: x, y and z of its nodes are held, and they turn freely. A clamp is "
+        "components: [x, y, z, rx, ry, rz]"
+        for name, entry in reader.children("supports").items()
+        if "components" not in entry
+        and np.isin(file[f"supports/{name}/nodes"][:], nodes_that_turn).any()
+    ]
+
+
+def doubts_of_stress(file: h5py.File, reader: Reader) -> list[str]:
+    """Stress, that of heat too, is that of what K holds: materials that relax have more."""
+    relaxing = [name for name, material in file["materials"].items() if set(material) - {LOSS}]
+    found = []
+    for key, kind in (("outputs", "stress"), ("loads", "temperature")):
+        entries = reader.children(key)
+        some = [str(name) for name, entry in entries.items() if entry.get("type") == kind]
+        if relaxing and some:
+            found.append(
+                f"{key} {', '.join(some)}: stress in {', '.join(relaxing)} is that of the "
+                "long-term (of a table or a parameter: the least) moduli, without what is "
+                "beside these"
+            )
+    return found
