@@ -19,9 +19,8 @@ void check_units(const std::string& name, double E, double density,
   if (speed < 20 || speed > 50000)
     warnings.push_back(text(
         "material %s: the speed of sound sqrt(E/rho) = %.3g m/s is unlike any material; "
-        "do E "
-        "= %g Pa and rho = %g kg/m^3 belong together? (`units: mm-t-s` in the YAML file "
-        "converts)",
+        "do E = %g Pa and rho = %g kg/m³ belong together? The import converts from the "
+        "mesh's units (--units, `units:` in YAML)",
         name.c_str(), speed, E, density));
 }
 
