@@ -110,6 +110,14 @@ void warn_of_unused_options() {
   FG_CALL(PetscOptionsLeftRestore(nullptr, &count, &names, &values));
 }
 
+/// PETSc 3.22 names options at its end that nobody read. After an error these are all of them, and
+/// else warn_of_unused_options() has named them.
+void keep_petsc_silent_about_options() {
+  PetscBool is_given = PETSC_FALSE;
+  PetscOptionsHasName(nullptr, nullptr, "-options_left", &is_given);
+  if (!is_given) PetscOptionsSetValue(nullptr, "-options_left", "no");
+}
+
 volatile int exit_status = 1;
 
 /// Open MPI's own handler would wait for ever for the memory that malloc has locked.
@@ -224,7 +232,10 @@ int run_session(int argc, char** argv, const Program& program) {
   MPI_Comm_free(&handshake);
   PetscBool running = PETSC_FALSE;
   PetscInitialized(&running);
-  if (running) SlepcFinalize();
+  if (running) {
+    keep_petsc_silent_about_options();
+    SlepcFinalize();
+  }
   // The work is done and told: what a library does on its way out changes nothing (HDF5
   // after a damaged file; Open MPI, once in some thousand runs on a busy machine).
   exit_status = status;

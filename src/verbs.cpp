@@ -35,7 +35,8 @@ const CommonOption restart{"-mor_restart", "",
 const char* const status_help =
     "Exit status: 0; 1 for errors, with one message; 2 if the tolerance is not met: the\n"
     "best body found is written all the same, with the error that it is certified to;\n"
-    "3 if SIGTERM ended it, with a checkpoint (--restart). mpirun kills its ranks\n"
+    "3 if SIGTERM or Ctrl-C ended it, with a checkpoint (--restart). mpirun kills its "
+    "ranks\n"
     "instead, so give them the limit:\n"
     "  mpirun -n 8 timeout --preserve-status 3400 flexgram ...\n";
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 
 namespace flexgram {
 namespace {
@@ -14,9 +15,11 @@ std::string number_text(double value) { return text("%g", value); }
 
 double parse_number(const char* name, const std::string& word) {
   char* end = nullptr;
-  const double value = std::strtod(word.c_str(), &end);
-  require_option(!word.empty() && *end == '\0' && std::isfinite(value), name, word,
-                 "a finite number");
+  double value = std::strtod(word.c_str(), &end);
+  const bool is_percent = end != word.c_str() && std::strcmp(end, "%") == 0;
+  require_option(!word.empty() && (*end == '\0' || is_percent) && std::isfinite(value),
+                 name, word, "a finite number");
+  if (is_percent) value /= 100;
   return value;
 }
 

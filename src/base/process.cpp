@@ -24,6 +24,9 @@ volatile std::sig_atomic_t asked = 0;
 extern "C" void ask_to_end(int signal) {
   asked = 1;
   std::signal(signal, SIG_DFL); // a second one ends at once
+  if (signal != SIGINT) return;
+  constexpr char words[] = "\nending after the present step; Ctrl-C again ends at once\n";
+  [[maybe_unused]] const auto written = ::write(STDERR_FILENO, words, sizeof words - 1);
 }
 
 volatile std::sig_atomic_t interrupted = 0;
@@ -58,6 +61,10 @@ void stop_if_interrupted() {
 }
 
 void let_sigterm_ask() { std::signal(SIGTERM, ask_to_end); }
+
+void let_ctrl_c_ask() {
+  if (std::signal(SIGINT, ask_to_end) == SIG_IGN) std::signal(SIGINT, SIG_IGN);
+}
 
 bool asked_to_end() { return asked != 0; }
 

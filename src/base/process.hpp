@@ -36,6 +36,8 @@ double available_memory_mb(MPI_Comm comm);
 
 /// From now on SIGTERM (a batch system's time limit) only asks the work to end.
 void let_sigterm_ask();
+/// The same of the first Ctrl-C, unless it is ignored (a job in the background).
+void let_ctrl_c_ask();
 /// Whether it did, on this rank.
 bool asked_to_end();
 

@@ -226,8 +226,8 @@ std::optional<CertifyState> Checkpoints::resume(const CertifyRun& run) const {
   Medium& medium = state.medium;
   auto s = read(fom_, run.spec, spec_.path, medium);
   if (!s) {
-    observer_.fact("restart", text("there is no checkpoint %s: from the beginning",
-                                   spec_.path.c_str()));
+    observer_.warn(text("{restart}: there is no checkpoint %s: from the beginning",
+                        spec_.path.c_str()));
     return std::nullopt;
   }
   *spec_.used = true;
@@ -276,16 +276,17 @@ void Checkpoints::save(const CertifyRun& run, CertifyState& state, const char* w
   }
   if (end)
     throw Interrupted(
-        saved ? text("ended by SIGTERM after %s; {restart} goes on from %s", what,
-                     spec_.path.c_str())
-              : text("ended by SIGTERM after %s, without a checkpoint", what));
+        saved ? text("ended by SIGTERM or Ctrl-C after %s; {restart} goes on from %s",
+                     what, spec_.path.c_str())
+              : text("ended by SIGTERM or Ctrl-C after %s, without a checkpoint", what));
 }
 
 void Checkpoints::end_if_asked(const char* what) const {
   if (!spec_.path.empty() && is_asked_to_end())
-    throw Interrupted(text("ended by SIGTERM before %s was done: there was nothing to "
-                           "keep yet",
-                           what));
+    throw Interrupted(
+        text("ended by SIGTERM or Ctrl-C before %s was done: there was nothing to "
+             "keep yet",
+             what));
 }
 
 } // namespace flexgram

@@ -19,6 +19,9 @@ namespace flexgram {
 
 namespace {
 
+/// So many that a user should know: the band may have been meant otherwise.
+constexpr int many_modes = 400;
+
 /// What is known of a body before a cutoff is chosen.
 struct Start {
   PortLoads ports;
@@ -210,6 +213,10 @@ void add_modes(const CertifyRun& run, ModalSpace& modal, int geometric) {
   int solves = 0;
   if (modal.elastic > 0) {
     Stage stage(run.observer, "modes");
+    if (modal.elastic > many_modes)
+      run.observer.say(text("  %d natural frequencies lie below the cutoff of %.4g Hz: "
+                            "their search takes long",
+                            modal.elastic, modal.cutoff * hz));
     solves = modal.solves +
              find_modes(*modal.space, run.factors, modal.cutoff * modal.cutoff,
                         modal.elastic, angle_of_modes(run, modal),

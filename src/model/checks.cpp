@@ -158,6 +158,7 @@ int count_below(ShiftedSolver& solver, double shift) {
 
 void check_ports(const Block& ports, const std::vector<std::string>& names,
                  const char* map, Observer& observer) {
+  const bool are_outputs = *map == 'C';
   const Dense gram = inner(ports, ports);
   for (int i = 0; i < gram.rows; ++i) {
     if (!(gram(i, i) > 0))
@@ -171,9 +172,11 @@ void check_ports(const Block& ports, const std::vector<std::string>& names,
     for (int j = 0; j < i; ++j)
       if (gram(i, j) * gram(i, j) >= (1 - 1e-14) * gram(i, i) * gram(j, j))
         observer.warn(
-            text("ports %s and %s load the body in the same way: one of the two "
-                 "columns of %s is redundant",
-                 names[as_size(j)].c_str(), names[as_size(i)].c_str(), map));
+            text(are_outputs ? "outputs %s and %s are the same but for a factor: one of "
+                               "the two is enough"
+                             : "ports %s and %s load the body in the same way: one of "
+                               "the two is enough",
+                 names[as_size(j)].c_str(), names[as_size(i)].c_str()));
   }
 }
 

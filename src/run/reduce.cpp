@@ -334,11 +334,17 @@ void write_medium_file(const Medium& medium, const Settings& s, const Options& o
   write_medium(medium, s.medium_basis, values, observer.facts(), path);
 }
 
+/// Where a checkpoint may be kept, Ctrl-C writes one, too.
+void let_signals_ask(const CheckpointSpec& checkpoint) {
+  let_sigterm_ask();
+  if (checkpoint.when != CheckpointSpec::When::never) let_ctrl_c_ask();
+}
+
 bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
   if (s.medium_out.empty()) s.choose_tolerance(observer); // else it serves later cuts too
   const CheckpointSpec checkpoint = s.checkpoint_spec(s.out);
-  let_sigterm_ask();
+  let_signals_ask(checkpoint);
   check_output(comm, s.out, {s.body, s.loads});
   check_default_output(comm, s.out, options, "-mor_out", "/gramian");
   check_checkpoint(comm, checkpoint);
@@ -381,7 +387,7 @@ void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& obser
   const auto before = written_at(out);
   const CheckpointSpec checkpoint = s.checkpoint_spec(out);
   check_checkpoint(comm, checkpoint);
-  let_sigterm_ask();
+  let_signals_ask(checkpoint);
   const Body body = load_body(comm, s, observer);
   warn_of_default_band(options, observer);
   observer.print();

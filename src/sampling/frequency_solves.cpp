@@ -230,8 +230,9 @@ void FrequencySolves::for_each(const std::vector<double>& omega, const char* wha
   if (max_over(s.groups->world, ended ? 1.0 : 0.0) > 0)
     throw Interrupted(
         s.checkpoint.when == CheckpointSpec::When::never
-            ? std::string("ended by SIGTERM, without a checkpoint ({checkpoint} no)")
-            : text("ended by SIGTERM; {restart} goes on from %s",
+            ? std::string(
+                  "ended by SIGTERM or Ctrl-C, without a checkpoint ({checkpoint} no)")
+            : text("ended by SIGTERM or Ctrl-C; {restart} goes on from %s",
                    s.checkpoint.path.c_str()));
   bool& used = *s.checkpoint.used; // by any group
   used = max_over(s.groups->world, used ? 1.0 : 0.0) > 0;

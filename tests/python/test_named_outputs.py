@@ -88,7 +88,7 @@ def test_a_loss_factor_is_told_and_replaced(held: Path, tmp_path: Path) -> None:
         *("export", held / "box.rom.h5", "--to", "state-space", "--damping", "modal"),
         *("-o", tmp_path / "b.mat"),
     )
-    assert "in the place of eta = 0.01 changes H by up to" in done.out
+    assert "instead of eta = 0.01 changes H by up to" in done.out
     with pytest.raises(BodyError, match="no loss factor"):
         with_viscous_damping(viscous)
 

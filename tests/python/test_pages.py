@@ -96,10 +96,9 @@ def test_the_pages_of_the_rack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert names["found"].mac.shape[0] > 3 and names["r"].values.shape == (200,)
 
 
-@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not there")
 def test_the_part_of_the_first_hour(tmp_path: Path) -> None:
     pytest.importorskip("gmsh")
-    in_bash(shell("README.md", "scripts/install test &&"), tmp_path)
+    in_bash(shell("README.md", "scripts/install tutorial &&"), tmp_path)
     assert (tmp_path / "out" / "part.html").stat().st_size > 50_000
 
 

@@ -95,9 +95,8 @@ def test_what_it_says(content: Content, made: Path) -> None:
                   "moments of inertia", "-mor_tol 1e-2"):  # fmt: skip
         assert words in content.text, words
     assert (made / "r.html").stat().st_size < 5e6
-    assert (
-        content.images == 5
-    )  # the body at rest, Gramian, spectrum of the loads, largest stress, times
+    # The body at rest, Gramian, spectrum of the loads, stress over time, largest stress, times.
+    assert content.images == 6
 
 
 @needs_libraries

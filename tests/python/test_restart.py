@@ -145,6 +145,31 @@ def test_sigterm_leaves_a_checkpoint(tmp_path: Path, rack: Path, method: str, ra
     raise AssertionError("no moment of forty left a checkpoint")
 
 
+def test_the_first_ctrl_c_asks_and_the_second_ends(tmp_path: Path, rack: Path) -> None:
+    """A word at once, and the end after the present step; without a checkpoint at once."""
+    out = tmp_path / "rom.h5"
+    job = ["reduce", "-body", rack, *BAND, "-mor_out", out, "-mor_tol", "1e-8"]
+    begin = time.time()
+    run(*job)
+    length = time.time() - begin
+    out.unlink()
+    told = False
+    for trial in range(30):
+        process = start(*job, ranks=1)
+        strike(process, signal.SIGINT, (0.2 + 0.02 * trial) * length)
+        said = process.stdout.read() if process.stdout else ""
+        told = told or "ending after the present step" in said
+        if "ended by SIGTERM or Ctrl-C" in said:
+            assert process.returncode == 3 and not out.exists() and told
+            break
+        out.unlink(missing_ok=True)
+    else:
+        raise AssertionError("none of thirty was ended")
+    left_by(out, "two_step").unlink(missing_ok=True)
+    result = run(*job, "--restart")
+    assert "there is no checkpoint" in result.out and out.exists()
+
+
 def ended(folder: Path, monkeypatch: pytest.MonkeyPatch, **changes: Any) -> tuple[Path, Path]:
     """A body, and the checkpoint of a certify that is through but for the removal."""
     K, M, B, _ = chain(60, "three")

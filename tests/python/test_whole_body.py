@@ -286,3 +286,18 @@ def _sparse(a: Any) -> Any:
     import scipy.sparse as sp
 
     return sp.csr_matrix(a)
+
+
+def test_gravity_and_materials_in_other_units_than_the_mesh(tmp_path: Path) -> None:
+    """9.81 of a millimetre, and E and rho of SI with a mesh in millimetres."""
+    mesh = box("hexahedron", (4, 2, 2), (200.0, 40.0, 30.0), distort=False)
+    meshio.write(tmp_path / "part.vtu", mesh)
+    words = ["import", tmp_path / "part.vtu", "--units", "mm-t-s", "-o", tmp_path / "b.h5"]
+    words += ["--rigid", "p=BOX:-1,-100,-100,0.001,100,100", "--load"]
+    done = run(*words, "weight=acceleration:0,0,-9.81", "--material", "steel")
+    said = done.out + done.err
+    assert "load weight: 9.81 is in units of the mesh, where gravity is 9810" in said
+    done = run(*words, "weight=acceleration:0,0,-9810", "--material", "E=210e9,nu=0.3,rho=7850")
+    said = done.out + done.err
+    assert "gravity is" not in said
+    assert "are E and rho in SI" in said and "E=210000, rho=7.85e-09" in said

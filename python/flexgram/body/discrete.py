@@ -192,6 +192,16 @@ def _to_itself(spring: h5py.Group) -> bool:
     return bool((spring["nodes"][:] == spring["to_nodes"][:]).any())
 
 
+def _sizes(stiffness: Floats) -> str:
+    """Of a spring along and about the axes, in words."""
+    diagonal = np.diag(np.reshape(stiffness, (6, 6)))
+    return "".join(
+        f", {', '.join(f'{k:.4g}' for k in some)} {unit}"
+        for some, unit in ((diagonal[:3], "N/m"), (diagonal[3:], "N m a radian"))
+        if some.any()
+    )
+
+
 def write_springs(
     file: h5py.File, reader: Reader, select: Select, units: tuple[float, ...]
 ) -> list[str]:
@@ -234,7 +244,10 @@ def write_springs(
         varies = _write_laws(group, entry, str(name))
         group.attrs["order"] = order
         many = f", {len(ends[0])} of them" if len(ends[0]) > 1 else ""
-        told.append(f"spring {name}: {'to ground' if grounded else 'between nodes'}{many}{varies}")
+        size = _sizes(group.attrs["stiffness"]) if "stiffness" in given else ""
+        told.append(
+            f"spring {name}: {'to ground' if grounded else 'between nodes'}{many}{size}{varies}"
+        )
     return told
 
 

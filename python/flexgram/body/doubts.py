@@ -57,6 +57,19 @@ def doubts_of_hinges(file: h5py.File, reader: Reader, elements: Sequence[Block])
     ]
 
 
+def doubts_of_gravity(file: h5py.File, length: float) -> list[str]:
+    """Accelerations of 9.81 in a unit of ``length`` [m] that is not the metre."""
+    found = []
+    for name, group in file.get("loads", {}).items():
+        size = float(np.linalg.norm(group.attrs.get("vector", 0.0))) / length
+        if length != 1 and 9.7 < size < 9.9:
+            found.append(
+                f"load {name}: {size:.4g} is in units of the mesh, where gravity is "
+                f"{9.81 / length:.6g}"
+            )
+    return found
+
+
 def doubts_of_stress(file: h5py.File, reader: Reader) -> list[str]:
     """Stress, that of heat too, is that of what K holds: materials that relax have more."""
     relaxing = [name for name, material in file["materials"].items() if set(material) - {LOSS}]

@@ -18,13 +18,18 @@ from flexgram.body import damping
 from flexgram.body.blocks import write_blocks
 from flexgram.body.constraints import COMPONENTS, write_constraints
 from flexgram.body.discrete import write_masses, write_springs
-from flexgram.body.doubts import doubts_of_hinges, doubts_of_joints, doubts_of_stress
+from flexgram.body.doubts import (
+    doubts_of_gravity,
+    doubts_of_hinges,
+    doubts_of_joints,
+    doubts_of_stress,
+)
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
 from flexgram.body.materials import write_material
 from flexgram.body.meshfile import ALONE, PYRAMIDS, SECOND_ORDER, node_set
 from flexgram.body.outputs import write_outputs
-from flexgram.body.preload import write_preload
+from flexgram.body.preload import said_of_preload, write_preload
 from flexgram.body.reader import Reader, short
 from flexgram.body.second_order import Gained, divide
 from flexgram.body.sections import ROD, SHELL, is_shell, section_properties, shell_properties
@@ -110,6 +115,7 @@ class MeshBody:
         doubts = doubts_of_shells(file, self.points, self.elements)
         for name in set(write_preload(file, reader, [*interfaces, *loads])) & set(loads):
             loads[name] += ", of the preload: no input"
+        preload = said_of_preload(file)
         write_spin(file, reader, self.length)
         for key, value in damping.described(reader).items():
             file.attrs[key] = value
@@ -124,7 +130,7 @@ class MeshBody:
             "extent": extent,
             "units": reader.get("units", "SI"),
             "kinds": sorted({kind for kind, _ in blocks}),
-            "summary": [*summary(file), *discrete, *constraints, *notes],
+            "summary": [*summary(file), *discrete, *constraints, *preload, *notes],
             "warnings": [
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
                 *doubts_of_joints(
@@ -132,6 +138,7 @@ class MeshBody:
                 ),
                 *doubts_of_hinges(file, reader, self.elements),
                 *doubts_of_stress(file, reader),
+                *doubts_of_gravity(file, self.length),
                 *dict.fromkeys(self.far),
                 *doubts,
             ],

@@ -55,3 +55,14 @@ def write_preload(file: h5py.File, reader: Reader, names: Iterable[str]) -> list
     group.attrs["inputs"] = list(map(str, entries))
     group.attrs["values"] = [entry.number(key) for key in entries]
     return [str(key).rpartition(".")[0] for key in entries]
+
+
+def said_of_preload(file: h5py.File) -> list[str]:
+    """Lines for who imports a body: its loads that stay, in SI units."""
+    if "preload" not in file:
+        return []
+    attributes = file["preload"].attrs
+    return [
+        f"preload {name}: {value:g} (SI)"
+        for name, value in zip(attributes["inputs"], attributes["values"], strict=True)
+    ]

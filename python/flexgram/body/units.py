@@ -24,12 +24,23 @@ DENSITY = (20.0, 5e4)
 EXTENT = (1e-5, 300.0)
 
 
+#: E [N/m²] and rho [kg/m³] of steel.
+STEEL = (2.1e11, 7850.0)
+
+
+def _is_material(system: str, speed: float, density: float) -> bool:
+    length, mass, _ = UNITS[system]
+    values = (speed * length, density * mass / length**3)
+    return all(low <= x <= high for x, (low, high) in zip(values, (SPEED, DENSITY), strict=True))
+
+
+def _is_extent(system: str, extent: float) -> bool:
+    return EXTENT[0] <= extent * UNITS[system][0] <= EXTENT[1]
+
+
 def plausible(system: str, speed: float, density: float, extent: float) -> bool:
     """Whether numbers in the units of a file, taken in a system, are those of a part."""
-    length, mass, _ = UNITS[system]
-    values = (speed * length, density * mass / length**3, extent * length)
-    ranges = (SPEED, DENSITY, EXTENT)
-    return all(low <= x <= high for x, (low, high) in zip(values, ranges, strict=True))
+    return _is_material(system, speed, density) and _is_extent(system, extent)
 
 
 def doubt(system: str, speed: float, density: float, extent: float) -> str | None:
@@ -49,9 +60,15 @@ def doubt(system: str, speed: float, density: float, extent: float) -> str | Non
     """
     if plausible(system, speed, density, extent):
         return None
-    length, mass, _ = UNITS[system]
+    length, mass, force = UNITS[system]
     fits = [name for name in UNITS if plausible(name, speed, density, extent)]
     hint = f"are the files in {' or '.join(fits)} (--units)?" if fits else "are the units right?"
+    if system != "SI" and _is_material("SI", speed, density) and _is_extent(system, extent):
+        E, rho = STEEL[0] * length**2 / force, STEEL[1] * length**3 / mass
+        hint = (
+            f"are E and rho in SI, and the mesh in {system}? In {system} steel has E={E:.6g}, "
+            f"rho={rho:.6g}"
+        )
     return (
         f"in {system} the speed of sound is about {speed * length:.2g} m/s, the density about "
         f"{density * mass / length**3:.2g} kg/m³ and the part measures {extent * length:.3g} m:"

@@ -216,8 +216,8 @@ def _export(options: argparse.Namespace) -> None:
             say(f"  {options.to} keeps {model.system.loss}")
             lost = "the loss factors"
         say(
-            f"  {options.damping} damping in the place of {lost} changes H by up to {error:.1e} "
-            "at the frequencies looked at"
+            f"  {options.damping} damping instead of {lost} changes H by up to {error:.1e} at the "
+            "frequencies looked at"
         )
         if in_time and not keeps:
             say(f"  note: without --damping, {options.to} keeps this relaxation as it is")

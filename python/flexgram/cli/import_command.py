@@ -164,8 +164,8 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         help="input beside the interfaces, of a mesh or with --assemble: gravity=acceleration, "
-        "weight=acceleration:0,0,-9.81, gas=pressure:NSET:piston, wind=traction:WHERE, "
-        "push=force:WHERE, turn=spin:x,y,z,ax,ay,az (point, axis), "
+        "weight=acceleration:0,0,-9810 (units of the mesh), gas=pressure:NSET:piston, "
+        "wind=traction:WHERE, push=force:WHERE, turn=spin:x,y,z,ax,ay,az (point, axis), "
         "swing=angular_acceleration:x,y,z, warm=temperature:WHERE, "
         "pull=nodal:table.csv (node, fx, fy, fz[, mx, my, mz])",
     )
@@ -274,7 +274,10 @@ def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
             "bend; quadrilaterals converge faster (gmsh: Mesh.RecombineAll)"
         )
     if max(counts["extent"]) > 15 and counts["units"] == "SI":
-        say("  note: is the mesh in millimetres (units mm-t-s)?")
+        say(
+            f"  warning: the part measures {max(counts['extent']):.4g} m: is the mesh in "
+            "millimetres (--units mm-t-s)?"
+        )
 
 
 def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:

@@ -282,7 +282,10 @@ def run_ccx(
     """
     program = shutil.which("ccx")
     if program is None:
-        raise BodyError("ccx is not installed (Debian: apt install calculix-ccx)")
+        raise BodyError(
+            "ccx is not installed (apt install calculix-ccx; Debian 13 has none). --assemble reads "
+            "a deck without it"
+        )
     if not deck.exists():
         raise BodyError(f"{deck}: no such file")
     job_of_user = read_job(deck)

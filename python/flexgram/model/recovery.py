@@ -279,6 +279,7 @@ class StressPeaks(NamedTuple):
     von_mises: Peak
     tension: Peak
     pressure: Peak
+    over_time: Floats  #: (n,) the largest von Mises stress of each moment [N/m²]
 
 
 def stress_peaks(
@@ -301,15 +302,17 @@ def stress_peaks(
     (2, True)
     """
     found = [Peak(-np.inf, 0, 0)] * 3
+    over_time = np.zeros(len(q))
     for field in stress_fields(model, body):
         for k in range(len(q)):  # one at a time: a field is large
             stress = field.of(*_states(model, q[k], u[k], list(field.held)), model.inputs)
             signed = np.nan_to_num(signed_von_mises(stress[0]))
+            over_time[k] = max(over_time[k], np.abs(signed).max())
             for i, sized in enumerate((np.abs(signed), signed, -signed)):
                 at = int(sized.argmax())
                 if sized[at] > found[i].value:
                     found[i] = Peak(float(sized[at]), k, int(field.nodes[at]), field.side)
-    return StressPeaks(found[0], found[1], found[2]._replace(value=-found[2].value))
+    return StressPeaks(found[0], found[1], found[2]._replace(value=-found[2].value), over_time)
 
 
 def words_of_stress(
@@ -321,7 +324,7 @@ def words_of_stress(
     def said(peak: Peak) -> str:
         place = ", ".join(f"{x:.4g}" for x in points[peak.where])
         return (
-            f"{peak.value:.4g} N/m² at ({place}) m, node {peak.where + 1}"
+            f"{1e-6 * peak.value:.4g} MPa at ({place}) m, node {peak.where + 1}"
             + (f", {peak.side} side" if peak.side else "")
             + f", t = {t[peak.when]:.6g} s"
         )

@@ -204,7 +204,7 @@ def stress(
     figure = Figure(figsize=(6.2, height), layout="constrained")
     axes = figure.subplots()
     scale = matplotlib.cm.ScalarMappable(
-        matplotlib.colors.Normalize(0, float(np.nanmax(amount))), "turbo"
+        matplotlib.colors.Normalize(0, 1e-6 * float(np.nanmax(of_nodes))), "turbo"
     )
     color = scale.to_rgba(np.nan_to_num(amount))
     color[np.isnan(amount)] = (0.8, 0.8, 0.8, 1.0)

@@ -293,6 +293,30 @@ def loads(model: ReducedBody, verdict: HistoryAssessment, most: int = 6) -> Figu
     return figure
 
 
+def stress_over_time(t: Floats, largest: Floats, outputs: dict[str, Floats]) -> Figure:
+    """The largest von Mises stress of a body over time, and its outputs that are stresses.
+
+    Parameters
+    ----------
+    t, largest : (n,) arrays
+        [s], [N/m²]
+    outputs : dict
+        Name -> (n,) array [N/m²].
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 1, 11)
+    >>> figure = stress_over_time(t, 1e6 * t, {"fillet.sxx": 5e5 * t})
+    """
+    figure, axes = _axes()
+    axes.plot(t, 1e-6 * largest, color="k", lw=1.2, label="largest von Mises stress")
+    for name, values in outputs.items():
+        axes.plot(t, 1e-6 * values, lw=1, label=name)
+    axes.set(xlabel="time [s]", ylabel="stress [MPa]", xlim=(t[0], t[-1]))
+    axes.legend(fontsize=7)
+    return figure
+
+
 def stages(model: ReducedBody) -> Figure:
     """Seconds of each stage.
 

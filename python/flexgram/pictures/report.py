@@ -55,7 +55,7 @@ def _when(log: dict[str, Any]) -> str:
 
 def _stress(answer: tuple[Any, ...], model: ReducedBody, body: str | Path | None) -> str:
     """The worst moment of a load history, from rest."""
-    part, t, u, q, peaks = answer
+    part, t, u, y, q, peaks = answer
     words = words_of_stress(part, t, peaks, body)
     worst = peaks.von_mises.when
     claim = (
@@ -64,8 +64,25 @@ def _stress(answer: tuple[Any, ...], model: ReducedBody, body: str | Path | None
         else (" Nothing is claimed of it: make it an output of the body (type: stress).")
     )
     picture = figures.stress(part, q[worst], body, u=u[worst])
+    curves = {
+        name: y[:, k] for k, name in enumerate(part.outputs) if re.search(r"\.s[xyz]{2}$", name)
+    }
+    at_ports = (
+        ""
+        if model.frame.rigid_modes == 0
+        else (
+            " Loads at the ports alone count here. Gravity and the inertia of a large motion (a "
+            "swing, a spin) load the body all over: the stress of such a motion is that of its "
+            "coordinates in the multibody code, rom.elastic().stress(q)."
+        )
+    )
     return (
-        f"<p>{words[0].upper()}{words[1:]}, of a body at rest in the beginning.{claim}</p>"
+        f"<p>{words[0].upper()}{words[1:]}. The body is at rest in the beginning: loads that start "
+        f"suddenly let it vibrate.{at_ports}{claim}</p>"
+        + _image(
+            figures.stress_over_time(t, peaks.over_time, dict(list(curves.items())[:12])),
+            "Stress over time: the largest anywhere, and that of outputs.",
+        )
         + _image(picture, "Von Mises stress at that moment, deformation enlarged.", raster=True)
     )
 
@@ -190,8 +207,8 @@ class _Page:
         return [f"<h2>The {what}</h2>", page.viewer(scene)]
 
     def answer(self, loads: str | Path) -> tuple[Any, ...]:
-        """The elastic answer to a load history: the part of the body, t, u, q, and the peaks of the
-        stress or nothing.
+        """The elastic answer to a load history: the part of the body, t, u, outputs, q, and the
+        peaks of the stress or nothing.
 
         Raises
         ------
@@ -203,25 +220,26 @@ class _Page:
             if not part.order:
                 raise BodyError("the body has no elastic coordinates")
             t, u = evenly(*read_history(loads, self.model.inputs))
-            _, q = part.system.simulate(u, t)
+            y, q = part.system.simulate(u, t)
             if not np.all(np.isfinite(q)):
                 raise BodyError("the answer grows beyond all numbers: the body is unstable")
             peaks = (
                 stress_peaks(part, q, u, self.body) if has_stress(self.model, self.body) else None
             )
-            self._answer = part, t, u, q, peaks
+            self._answer = part, t, u, y, q, peaks
         return self._answer
 
     def _add_history(self, scene: Scene, space: Space, loads: str | Path) -> None:
         """The elastic answer at forty moments and the worst one, with its stress if known."""
-        part, t, u, q, peaks = self.answer(loads)
+        part, t, u, _, q, peaks = self.answer(loads)
         energy = np.einsum("ki,ij,kj->k", q, part.system.in_time().K, q, optimize=True)
         worst = int(np.argmax(energy)) if peaks is None else int(peaks.von_mises.when)
         few = np.unique(np.append(np.linspace(0, len(t) - 1, 40).astype(int), worst))
         stress = None
         if peaks is not None:
             stress = von_mises(stress_at_nodes(part, q[few], self.body, u[few], "larger"))
-        scene.set_history(t[few], space.motion(part, q[few]), stress, len(t))
+        most = None if peaks is None else peaks.von_mises.value
+        scene.set_history(t[few], space.motion(part, q[few]), stress, len(t), most)
 
     def plan_and_modes(self) -> list[str]:
         """The modes, free and held; interfaces and mass; what was done."""

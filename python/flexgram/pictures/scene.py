@@ -161,7 +161,14 @@ class Scene:
         values, unit = as_shorts(field_of_nodes[self.nodes])
         self.motions.append({"name": name, "values": values, "unit": unit})
 
-    def set_history(self, times: Floats, motion: Floats, stress: Floats | None, count: int) -> None:
+    def set_history(
+        self,
+        times: Floats,
+        motion: Floats,
+        stress: Floats | None,
+        count: int,
+        most: float | None = None,
+    ) -> None:
         """What the body does over time, at moments that a page can go through.
 
         Parameters
@@ -174,6 +181,8 @@ class Scene:
             Von Mises [N/m²]; NaN where there is none.
         count : int
             Moments of the whole history.
+        most : float, optional
+            The largest stress of all of it, which the scale ends with; default: of the nodes drawn.
         """
         moved = motion[:, self.nodes]
         flat = moved.reshape(len(times), -1)
@@ -191,7 +200,7 @@ class Scene:
         if stress is not None:
             known = np.isfinite(stress[:, self.nodes])
             of_nodes = np.where(known, stress[:, self.nodes], 0.0)
-            most = max(float(of_nodes.max()), 1e-300)
+            most = max(float(of_nodes.max()), most or 0.0, 1e-300)
             levels = np.where(known, np.round(LARGEST_STRESS * of_nodes / most), LARGEST_STRESS + 1)
             self.history["stress"] = packed(levels, "u1")
             self.history["most"] = most

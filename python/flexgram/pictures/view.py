@@ -46,8 +46,11 @@ def write_view(path: str | Path, output: str | Path) -> None:
     geometry = Geometry.load(path) if is_body else _of_mesh(path)
     scene = Scene.of(geometry)
     words = _of_body(path) if is_body else ""
+    references = _references(path) if is_body else {}
     rows = "".join(
-        f"<tr><td>{html.escape(name)}</td><td class=n>{len(nodes)}</td><td>{_middle(at)}</td></tr>"
+        f"<tr><td>{html.escape(name)}</td><td class=n>{len(nodes)}</td><td>{_middle(at)}</td>"
+        + (f"<td>{references.get(name, '')}</td>" if references else "")
+        + "</tr>"
         for (name, nodes), at in zip(
             scene.interfaces.items(), scene.positions.values(), strict=True
         )
@@ -64,7 +67,9 @@ def write_view(path: str | Path, output: str | Path) -> None:
         f"{unit}.</p>",
         words,
         page.viewer(scene, f"{what}s"),
-        f"<table><tr><th>{what}</th><th>nodes</th><th>their mean [{unit}]</th></tr>{rows}</table>"
+        f"<table><tr><th>{what}</th><th>nodes</th><th>their mean [{unit}]</th>"
+        + ("<th>forces act at [m]</th>" if references else "")
+        + f"</tr>{rows}</table>"
         if rows
         else f"<p>It has no {what}s.</p>",
     ]
@@ -76,6 +81,16 @@ def _middle(at: Any) -> str:
     if not len(at):
         return "none"
     return ", ".join(f"{x:.5g}" for x in np.round(np.mean(at, axis=0), 9) + 0.0)
+
+
+def _references(path: Path) -> dict[str, str]:
+    """Where forces and moments at each interface of a body act."""
+    with h5py.File(path) as file:
+        return {
+            name: _middle(np.atleast_2d(group.attrs["position"]))
+            for name, group in file.get("interfaces", {}).items()
+            if "position" in group.attrs
+        }
 
 
 def _has_mesh(path: Path) -> bool:

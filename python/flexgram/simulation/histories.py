@@ -133,9 +133,9 @@ class HistoryAssessment:
     @property
     def words(self) -> list[str]:
         """Sentences."""
-        each = ", ".join(f"the {what} is within {e:.1e}" for what, e in self.errors.items())
+        each = ", ".join(f"{what} at most {_percent(e)}" for what, e in self.errors.items())
         said = [
-            f"in the band {each} of itself, root mean square"
+            f"error of the response to these loads in the band, root mean square: {each}"
             + ("" if self.proved else " (estimated, not proved)")
         ]
         if self.astray > 1 - ENOUGH:
@@ -145,9 +145,10 @@ class HistoryAssessment:
             )
         if self.elastic_error is not None:
             said.append(
-                f"its elastic part is within {self.elastic_error:.1e} of itself"
+                f"without the rigid motion of the body: at most {_percent(self.elastic_error)}"
                 + (
-                    ": --tol-relative-to both bounds what joints leave of a free body"
+                    ", more than the tolerance where rigid motion is most of the response: "
+                    "--tol-relative-to both holds it for the elastic motion too"
                     if self.elastic_error > 0.02
                     else ""
                 )
@@ -168,7 +169,8 @@ class HistoryAssessment:
         if self.below > 1 - ENOUGH:
             said.append(
                 f"{100 * self.below:.3g} % of the energy of the loads lies below the band, "
-                "constant or slow: let the band begin lower (at 0 for a body that is held)"
+                "constant or slow: let the band begin lower (at 0 for a body that is held; a free "
+                "one takes --statics yes and --tol-relative-to elastic)"
             )
         if len(self.hz) > 1 and self.hz[-1] < 1.05 * self.band_end:
             said.append(
@@ -176,6 +178,11 @@ class HistoryAssessment:
                 f"above {self.hz[-1]:.4g} Hz: what is faster would be taken for something slower"
             )
         return said
+
+
+def _percent(share: float) -> str:
+    """Of an error, in words."""
+    return f"{100 * share:.2g} %" if 1e-6 < share < 10 else f"{share:.1e}"
 
 
 #: Its name in 0.1.

@@ -14,7 +14,7 @@ public:
   bool is_stiffness() const override { return true; }
   double largest(double) const override { return 1; }
   std::string words() const override {
-    return "structural by material (S, the imaginary part of K)";
+    return "structural (S, the imaginary part of K: loss factors of parts of the body)";
   }
 };
 
