@@ -187,5 +187,9 @@ def test_effective_masses_and_principal_stresses(tmp_path: Path) -> None:
         xx, yy, zz, xy, yz, zx = six
         tensor = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
         assert np.allclose(np.sort(np.linalg.eigvals(tensor).real), values[::-1])
+    s = np.vstack([s, 1e-9 * s, 1e9 * rng.normal(size=(5000, 6))])
     assert np.allclose(np.abs(signed_von_mises(s)), von_mises(s))
+    largest, _, least = principal(s).T
+    assert np.array_equal(signed_von_mises(s) > 0, np.abs(largest) > np.abs(least))
+    assert signed_von_mises([[0, 0, 0, 100.0, 0, 0], [0, 0, -5.0, 0, 0, 0]])[1] == -5
     assert np.isnan(principal(np.full(6, np.nan))).all()

@@ -418,6 +418,16 @@ def signed_von_mises(stress: ArrayLike) -> Floats:
     >>> signed_von_mises([[100.0, 0, 0, 0, 0, 0], [-100.0, 0, 0, 0, 0, 0]])
     array([ 100., -100.])
     """
-    values = principal(stress)
-    dominant = np.where(np.abs(values[..., 0]) >= np.abs(values[..., 2]), 1.0, -1.0)
-    return dominant * von_mises(stress)
+    s = np.asarray(stress, dtype=float)
+    mean = s[..., :3].mean(axis=-1)
+    x, y, z = (s[..., i] - mean for i in range(3))
+    xy, yz, zx = (s[..., i] for i in range(3, 6))
+    equivalent = von_mises(s)
+    # The largest and the least principal stress add up to 2 mean - the middle value of the deviator,
+    # which the Lode angle gives.
+    third = x * y * z + 2 * xy * yz * zx - x * yz**2 - y * zx**2 - z * xy**2
+    size = np.maximum(equivalent, np.finfo(float).tiny)
+    angle = np.arccos(np.clip(13.5 * third / size / size / size, -1, 1)) / 3
+    middle = 2 / 3 * equivalent * np.cos(angle - 2 * np.pi / 3)
+    dominant = np.where(2 * mean - middle >= -1e-12 * equivalent, 1.0, -1.0)
+    return dominant * equivalent
