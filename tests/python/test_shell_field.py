@@ -132,7 +132,7 @@ def test_over_time_and_in_files(tmp_path: Path) -> None:
         reader.read_points_cells()
         data = [reader.read_data(k)[1] for k in range(reader.num_steps)]
     mises = np.array([d["von_mises"].ravel() for d in data])
-    assert f"{mises.max():.4g} N/m²" in line
+    assert f"{1e-6 * mises.max():.4g} MPa" in line
     for k in (0, 7, 25):
         of_sides = [von_mises(data[k][f"stress_{side}"]) for side in ("top", "bottom")]
         np.testing.assert_allclose(mises[k], np.maximum(*of_sides), rtol=1e-10)

@@ -423,8 +423,8 @@ def signed_von_mises(stress: ArrayLike) -> Floats:
     x, y, z = (s[..., i] - mean for i in range(3))
     xy, yz, zx = (s[..., i] for i in range(3, 6))
     equivalent = von_mises(s)
-    # The largest and the least principal stress add up to 2 mean - the middle value of the deviator,
-    # which the Lode angle gives.
+    # The largest and the least principal stress add up to 2 mean - the middle one of the deviator,
+    # by the Lode angle.
     third = x * y * z + 2 * xy * yz * zx - x * yz**2 - y * zx**2 - z * xy**2
     size = np.maximum(equivalent, np.finfo(float).tiny)
     angle = np.arccos(np.clip(13.5 * third / size / size / size, -1, 1)) / 3
