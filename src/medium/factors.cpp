@@ -8,6 +8,9 @@
 #include <string>
 
 namespace flexgram {
+
+/// What the search of many modes keeps of each at most: tell_memory in modal_space.
+constexpr double vectors_of_mode = 7;
 std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                                      const FactorEstimate& estimate) {
   give_back_freed_pages(); // of the ordering
@@ -62,6 +65,12 @@ FactorEstimate choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom
     if (every && &path != &*taken)
       observer.fact("or", text("%s: %.0f MB on a rank; the run about %.0f MB", path.name,
                                path.factors_mb, path.peak_mb));
+  if (every) // before the first factorisation
+    observer.fact(
+        "many modes",
+        text("about %.2g MB more on a rank for each beyond a hundred below the end of "
+             "the band; the first factorisation counts them",
+             vectors_of_mode * 8e-6 * static_cast<double>(fom.rows.size())));
   const double ports = static_cast<double>(fom.B.columns() + fom.further_outputs());
   if (ports > wide_block)
     observer.fact("solves",

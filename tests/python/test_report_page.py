@@ -287,10 +287,12 @@ def outline(scene: Scene, width: int, height: int) -> Any:
     """Pixels of the body in a picture, by triangles that are projected here."""
     x = scene.points - 0.5 * (scene.points.max(axis=0) + scene.points.min(axis=0))
     out = np.array([1, -1.4, 0.8]) / np.linalg.norm([1, -1.4, 0.8])
-    radius = 0.5 * np.linalg.norm(np.ptp(scene.points, axis=0))
     right = np.cross([0, 0, 1], out) / np.linalg.norm(np.cross([0, 0, 1], out))
     up = np.cross(out, right)
-    depth = 3.9 * radius - x @ out
+    box = np.array(np.meshgrid(*zip(x.min(axis=0), x.max(axis=0), strict=True))).reshape(3, -1)
+    tangent, aspect = 0.85 * np.tan(np.radians(15)), min(2.0, width / height)
+    needed = np.maximum(np.abs(up @ box), np.abs(right @ box) / aspect) / tangent
+    depth = (out @ box + needed).max() - x @ out
     scale = 0.5 * height / np.tan(np.radians(15)) / depth
     on = np.stack([0.5 * width + scale * (x @ right), 0.5 * height - scale * (x @ up)], axis=1)
     expected_picture = Image.new("1", (width, height))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from flexgram.model.damped_modes import NaturalModes
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
-from flexgram.pictures.scene import ANGLE, DIRECTION, DISTANCE, MARKS, PLAIN, Scene
+from flexgram.pictures.scene import ANGLE, ASPECT, DIRECTION, FILL, MARKS, PLAIN, Scene
 
 
 def elastic_modes(model: ReducedBody, count: int) -> tuple[Floats, Floats]:
@@ -109,6 +110,18 @@ class Eye:
         right = np.cross([0.0, 0.0, 1.0], unit)
         right /= np.linalg.norm(right)
         return cls(right, np.cross(unit, right), unit, distance)
+
+    @classmethod
+    def fitting(cls, near: ArrayLike, half: Floats, tangent: float, aspect: float) -> Eye:
+        """As near as a box of half sides ``half`` about the origin allows, so that it fills the
+        ``tangent`` of the angle of view upwards and ``aspect`` times as much to the right; as in
+        ``page/scene.js``."""
+        eye = cls.towards(near)
+        corners = half * np.array(list(itertools.product((-1, 1), repeat=3)))
+        sizes = np.maximum(np.abs(corners @ eye.up), np.abs(corners @ eye.right) / aspect)
+        distance = float((corners @ eye.near + sizes / tangent).max())
+        radius = float(np.linalg.norm(half)) or 0.5
+        return replace(eye, distance=max(distance, 1.2 * radius))
 
     def flat(self, points: Floats) -> Floats:
         """(…, 3) points in space -> (…, 2) in the picture, in the scale of the origin's depth."""
@@ -223,13 +236,13 @@ def still(scene: Scene) -> str:
     Returns
     -------
     str
-        Address with the picture inside (``data:image/png``), square.
+        Address with the picture inside (``data:image/png``).
     """
     low, high = scene.points.min(axis=0), scene.points.max(axis=0)
-    centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 0.5
-    eye = Eye.towards(DIRECTION, DISTANCE * radius)
+    centre, half = 0.5 * (low + high), np.tan(np.radians(ANGLE / 2))
+    eye = Eye.fitting(DIRECTION, 0.5 * (high - low), FILL * half, ASPECT)
     points = scene.points - centre
-    figure = Figure(figsize=(4.8, 4.8), dpi=100)
+    figure = Figure(figsize=(4.8 * ASPECT, 4.8), dpi=100)
     axes = figure.add_axes((0, 0, 1, 1))
     if len(scene.triangles):
         plain = matplotlib.colors.to_rgba(PLAIN)
@@ -238,8 +251,8 @@ def still(scene: Scene) -> str:
     for k, (_, at) in enumerate(scene.marked().values()):
         flat = eye.flat(at - centre)
         axes.plot(*flat.T, "s", ms=2.5, mew=0, color=MARKS[k % len(MARKS)])
-    half = np.tan(np.radians(ANGLE / 2)) * eye.distance
-    axes.set(xlim=(-half, half), ylim=(-half, half))
+    half *= eye.distance
+    axes.set(xlim=(-ASPECT * half, ASPECT * half), ylim=(-half, half))
     axes.set_axis_off()
     data = io.BytesIO()
     figure.savefig(data, format="png")

@@ -13,11 +13,13 @@ import numpy as np
 from flexgram.basics import BodyError, Floats, Ints
 from flexgram.model.geometry import Geometry
 
-#: How a page looks at the body first: from where, at how many of its radii, the angle of view
-#: [degrees]; the colours of body and interfaces.
+#: How a page looks at the body first: from where, the angle of view from below to above [degrees],
+#: the share of the picture that the body fills, and up to which width over height it counts.
 DIRECTION = (1.0, -1.4, 0.8)
-DISTANCE = 3.9
 ANGLE = 30
+FILL = 0.85
+ASPECT = 2.0
+#: Colours of body and interfaces.
 PLAIN = "#9ecae1"
 MARKS = ("#d62728", "#ff7f0e", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf")
 #: Triangles that a page draws at most, and the bytes of its motions.
@@ -241,7 +243,7 @@ class Scene:
             "triangles": packed(self.triangles, "u4"),
             "lines": packed(self.lines, "u4"),
             "interfaces": shown,
-            "look": {"from": DIRECTION, "radii": DISTANCE, "angle": ANGLE},
+            "look": {"from": DIRECTION, "angle": ANGLE, "fill": FILL, "aspect": ASPECT},
             "colours": {"plain": PLAIN, "marks": MARKS},
             "motions": self.motions,
             "history": self.history,

@@ -51,9 +51,21 @@
   const controls = new THREE.OrbitControls(camera, canvas);
   controls.enableKeys = false;
   controls.addEventListener("change", draw);
+  /* From a direction, as near as the box of the body allows. */
   function look(direction) {
-    const wide = Math.min(1, view.clientWidth / view.clientHeight); // narrow screens: from farther
-    camera.position.copy(direction.normalize().multiplyScalar(data.look.radii * radius / wide));
+    const near = direction.normalize(), right = camera.up.clone().cross(near).normalize();
+    const up = near.clone().cross(right);
+    const tangent = data.look.fill * Math.tan(data.look.angle * Math.PI / 360);
+    const aspect = Math.min(view.clientWidth / view.clientHeight, data.look.aspect);
+    let distance = 1.2 * radius;
+    for (let k = 0; k < 8; ++k) {
+      const corner = new THREE.Vector3(
+        data.low[0] * (k & 1 ? 1 : -1), data.low[1] * (k & 2 ? 1 : -1),
+        data.low[2] * (k & 4 ? 1 : -1));
+      const size = Math.max(Math.abs(corner.dot(up)), Math.abs(corner.dot(right)) / aspect);
+      distance = Math.max(distance, corner.dot(near) + size / tangent);
+    }
+    camera.position.copy(near.multiplyScalar(distance));
     controls.target.set(0, 0, 0);
     controls.update();
   }
