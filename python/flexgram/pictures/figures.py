@@ -285,10 +285,10 @@ def loads(model: ReducedBody, verdict: HistoryAssessment, most: int = 6) -> Figu
     for i, (first, last) in enumerate(model.claim.bands * HZ):
         axes.axvspan(first, last, color=BOUND, alpha=0.15, lw=0, label=None if i else "band")
     axes.axvline(verdict.needed, color="k", ls=":", lw=1, label="99.9 % of every load is below")
-    right = 1.5 * max(verdict.needed, model.claim.bands.max() * HZ)
-    axes.set(
-        xlabel="frequency [Hz]", ylabel="amplitude [N, N m]", xlim=(0, min(right, verdict.hz[-1]))
-    )
+    right = min(1.5 * max(verdict.needed, model.claim.bands.max() * HZ), verdict.hz[-1])
+    axes.set(xlabel="frequency [Hz]", ylabel="amplitude [N, N m]", xlim=(0, right))
+    if len(verdict.hz) > 2 and verdict.needed < 0.05 * right:  # slow loads: else at the edge
+        axes.set(xscale="log", xlim=(verdict.hz[1], right))
     axes.legend(fontsize=7)
     return figure
 
