@@ -225,7 +225,7 @@ def test_report_and_figures(rack: Path, tmp_path: Path) -> None:
     assert main(["report", str(rom), "--sweep", str(sweep), "-o", str(tmp_path / "r.html")]) == 0
     page = Page()
     page.feed((tmp_path / "r.html").read_text())
-    assert page.images in (2, 5)  # with the libraries of the page, and without
+    assert page.images in (3, 5)  # with the libraries of the page, and without
     assert 'class="card good"' in (tmp_path / "r.html").read_text()
     for words in ("12 / 12", "skipped", "buckens", "Modes of the reduced body", "-mor_tol 1e-2"):
         assert words in page.text, words

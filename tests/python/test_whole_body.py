@@ -300,4 +300,4 @@ def test_gravity_and_materials_in_other_units_than_the_mesh(tmp_path: Path) -> N
     done = run(*words, "weight=acceleration:0,0,-9810", "--material", "E=210e9,nu=0.3,rho=7850")
     said = done.out + done.err
     assert "gravity is" not in said
-    assert "are E and rho in SI" in said and "E=210000, rho=7.85e-09" in said
+    assert "Or E and rho alone in SI?" in said and "E=210000, rho=7.85e-09" in said

@@ -65,10 +65,7 @@ def doubt(system: str, speed: float, density: float, extent: float) -> str | Non
     hint = f"are the files in {' or '.join(fits)} (--units)?" if fits else "are the units right?"
     if system != "SI" and _is_material("SI", speed, density) and _is_extent(system, extent):
         E, rho = STEEL[0] * length**2 / force, STEEL[1] * length**3 / mass
-        hint = (
-            f"are E and rho in SI, and the mesh in {system}? In {system} steel has E={E:.6g}, "
-            f"rho={rho:.6g}"
-        )
+        hint += f" Or E and rho alone in SI? In {system} steel has E={E:.6g}, rho={rho:.6g}"
     return (
         f"in {system} the speed of sound is about {speed * length:.2g} m/s, the density about "
         f"{density * mass / length**3:.2g} kg/m³ and the part measures {extent * length:.3g} m:"

@@ -236,7 +236,12 @@ def still(scene: Scene) -> str:
     Returns
     -------
     str
-        Address with the picture inside (``data:image/png``).
+        Address with the picture inside.
+
+    Examples
+    --------
+    >>> still(Scene.of(Geometry.load("rack.h5")))[:22]
+    'data:image/png;base64,'
     """
     low, high = scene.points.min(axis=0), scene.points.max(axis=0)
     centre, half = 0.5 * (low + high), np.tan(np.radians(ANGLE / 2))
