@@ -13,10 +13,11 @@ namespace {
 
 std::string number_text(double value) { return text("%g", value); }
 
-double parse_number(const char* name, const std::string& word) {
+/// @param percent  whether "1%" is 0.01: of numbers without a unit.
+double parse_number(const char* name, const std::string& word, bool percent = false) {
   char* end = nullptr;
   double value = std::strtod(word.c_str(), &end);
-  const bool is_percent = end != word.c_str() && std::strcmp(end, "%") == 0;
+  const bool is_percent = percent && end != word.c_str() && std::strcmp(end, "%") == 0;
   require_option(!word.empty() && (*end == '\0' || is_percent) && std::isfinite(value),
                  name, word, "a finite number");
   if (is_percent) value /= 100;
@@ -64,7 +65,7 @@ void Options::record(const char* name, const char* type, std::string value,
 void Options::add(const char* name, double& value, const char* unit, const char* help) {
   std::string word;
   const bool set = given(name, word);
-  if (set) value = parse_number(name, word);
+  if (set) value = parse_number(name, word, *unit == '\0');
   record(name, "number", set ? word : number_text(value), set, unit, "", help);
 }
 
@@ -72,7 +73,7 @@ void Options::add(const char* name, std::optional<double>& value, const char* un
                   const char* help) {
   std::string word;
   const bool set = given(name, word);
-  if (set) value = parse_number(name, word);
+  if (set) value = parse_number(name, word, *unit == '\0');
   record(name, "number", word, set, unit, "", help);
 }
 

@@ -226,8 +226,10 @@ std::optional<CertifyState> Checkpoints::resume(const CertifyRun& run) const {
   Medium& medium = state.medium;
   auto s = read(fom_, run.spec, spec_.path, medium);
   if (!s) {
-    observer_.warn(text("{restart}: there is no checkpoint %s: from the beginning",
-                        spec_.path.c_str()));
+    const std::string words =
+        text("there is no checkpoint %s: from the beginning", spec_.path.c_str());
+    observer_.fact("restart", words);
+    observer_.say("  " + words);
     return std::nullopt;
   }
   *spec_.used = true;

@@ -9,8 +9,12 @@
 
 namespace flexgram {
 
-/// What the search of many modes keeps of each at most: tell_memory in modal_space.
-constexpr double vectors_of_mode = 7;
+double memory_of_modes(PetscInt rows, double columns) {
+  constexpr double copies = 2.6; // of what Lanczos has: what it needs, what the residuals
+                                 // are made of, their images
+  return copies * columns * 8e-6 * static_cast<double>(rows);
+}
+
 std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                                      const FactorEstimate& estimate) {
   give_back_freed_pages(); // of the ordering
@@ -68,9 +72,9 @@ FactorEstimate choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom
   if (every) // before the first factorisation
     observer.fact(
         "many modes",
-        text("about %.2g MB more on a rank for each beyond a hundred below the end of "
-             "the band; the first factorisation counts them",
-             vectors_of_mode * 8e-6 * static_cast<double>(fom.rows.size())));
+        text("if hundreds of natural frequencies lie below the end of the band, about "
+             "%.2g MB more on a rank for each; the first factorisation counts them",
+             memory_of_modes(fom.rows.size(), from_cutoff)));
   const double ports = static_cast<double>(fom.B.columns() + fom.further_outputs());
   if (ports > wide_block)
     observer.fact("solves",

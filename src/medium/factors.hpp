@@ -30,6 +30,13 @@ struct FactorPath {
 std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                                      const FactorEstimate& estimate);
 
+/// Krylov vectors for each mode that plates of solids took, from the cutoff and from within.
+constexpr double from_cutoff = 2.7, from_within = 1.9;
+
+/// Memory of the search of many modes and of what follows, at most at a time [MB]: `columns` Krylov
+/// vectors of so many rows.
+double memory_of_modes(PetscInt rows, double columns);
+
 /// Analyses, takes the first path that fits into the memory limit (the last, with a
 /// warning, if none does; the user's -mor_precision limits the choice), makes the solver
 /// follow it, and tells.

@@ -73,9 +73,6 @@ double angle_of_modes(const CertifyRun& run, const ModalSpace& modal) {
   return loss < 1e-5 ? 1e-3 : 3.0;
 }
 
-/// Krylov vectors for each mode that plates of solids took, from the cutoff and from within.
-constexpr double from_cutoff = 2.7, from_within = 1.9;
-
 /// Where many modes are searched from [rad²/s²]: at the cutoff, or lower, where fewer Krylov vectors
 /// serve both ends of the spectrum, if these save more than two factorisations cost. By flops.
 double search_shift(const CertifyRun& run, const ModalSpace& modal) {
@@ -90,14 +87,12 @@ double search_shift(const CertifyRun& run, const ModalSpace& modal) {
   return (pays ? within : 1) * modal.cutoff * modal.cutoff;
 }
 
-/// What the run will take with the vectors of many modes, of which there are 2.6 times as many as
-/// Lanczos has, at most at a time: what it needs, what the residuals are made of, their images.
+/// What the run will take with the vectors of many modes.
 void tell_memory(const CertifyRun& run, double modes, bool within) {
-  constexpr double copies = 2.6;
   const double columns = (within ? from_within : from_cutoff) * modes,
-               each = 8e-6 * static_cast<double>(run.fom.rows.size()),
-               most =
-                   max_over(run.fom.comm, resident_memory_mb() + copies * columns * each);
+               most = max_over(run.fom.comm,
+                               resident_memory_mb() +
+                                   memory_of_modes(run.fom.rows.size(), columns));
   run.observer.fact("memory", text("the run about %.0f MB on a rank, with the vectors of "
                                    "%.0f modes",
                                    most, modes));
@@ -162,6 +157,11 @@ ModalSpace space_of_ports(const CertifyRun& run, const Start& start, double omeg
   ModalSpace modal;
   modal.cutoff = cutoff.omega;
   modal.elastic = cutoff.below - start.geometric();
+  if (modal.elastic > many_modes)
+    run.observer.say(
+        text("  %d natural frequencies lie below the cutoff of %.4g Hz: their "
+             "search takes long",
+             modal.elastic, modal.cutoff * hz));
   modal.scale = scale_ports(run.fom, cutoff.omega, start.ports.count(), cutoff.response);
   modal.loads = copy(start.ports.all);
   scale_columns(modal.loads, modal.scale);
@@ -213,10 +213,6 @@ void add_modes(const CertifyRun& run, ModalSpace& modal, int geometric) {
   int solves = 0;
   if (modal.elastic > 0) {
     Stage stage(run.observer, "modes");
-    if (modal.elastic > many_modes)
-      run.observer.say(text("  %d natural frequencies lie below the cutoff of %.4g Hz: "
-                            "their search takes long",
-                            modal.elastic, modal.cutoff * hz));
     solves = modal.solves +
              find_modes(*modal.space, run.factors, modal.cutoff * modal.cutoff,
                         modal.elastic, angle_of_modes(run, modal),

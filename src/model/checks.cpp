@@ -157,8 +157,8 @@ int count_below(ShiftedSolver& solver, double shift) {
 }
 
 void check_ports(const Block& ports, const std::vector<std::string>& names,
-                 const char* map, Observer& observer) {
-  const bool are_outputs = *map == 'C';
+                 bool are_outputs, Observer& observer) {
+  const char* const map = are_outputs ? "C" : "B";
   const Dense gram = inner(ports, ports);
   for (int i = 0; i < gram.rows; ++i) {
     if (!(gram(i, i) > 0))
@@ -186,8 +186,8 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffne
                      const SolverOptions& options, Observer& observer) {
   BodyFacts facts;
   check_damping(model.damping);
-  check_ports(model.B, model.inputs, "B", observer);
-  if (!model.outputs_are_inputs) check_ports(model.C, model.outputs, "C", observer);
+  check_ports(model.B, model.inputs, false, observer);
+  if (!model.outputs_are_inputs) check_ports(model.C, model.outputs, true, observer);
   check_rows(model, facts);
   if (assembled) {
     facts.skipped.emplace_back(

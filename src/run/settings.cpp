@@ -303,7 +303,7 @@ void Settings::describe_restart(Options& options) {
       "write a checkpoint to OUTPUT.checkpoint (pod: to the folder OUTPUT.samples) "
       "after the modes, after each level of the medium model and after each sample. "
       "auto: once the work has taken 20 s (and for a medium model, if it takes at most "
-      "about 3 % of the time since the last one), and when SIGTERM or Ctrl-C ask "
+      "about 3 % of the time since the last one), and when SIGTERM or Ctrl-C asks "
       "to end (exit status 3). It is removed when the output is written");
   options.add("-mor_restart", restart,
               "go on from the checkpoint, on any number of ranks; from the beginning if "

@@ -60,8 +60,8 @@ def test_short_words_are_the_same_command(tmp_path: Path) -> None:
     run("import", ROOT / "meshes" / "rack.yaml", "-o", body)
     run("reduce", "-body", body, "-mor_band_hz", "10,500", "-mor_tol", "1e-3", "-mor_out", roms[0])
     run("reduce", body, "--band", "10,500", "--tol", "1e-3", "-o", roms[1])
-    # Before and behind the file, with =, with the unit, mixed, a flag without its value.
-    mixed = ("--band-hz=10,500", "-mor_tol", "1e-3", "--field-error", body, "--out", roms[2])
+    # Before and behind the file, with =, unit or per cent, mixed, a flag without its value.
+    mixed = ("--band-hz=10,500", "-mor_tol", "0.1%", "--field-error", body, "--out", roms[2])
     run("reduce", *mixed, ranks=2)
     models = [flexgram.ReducedModel.load(rom) for rom in roms]
     assert np.array_equal(models[0].K, models[1].K)
@@ -96,6 +96,8 @@ def test_short_words_are_the_same_command(tmp_path: Path) -> None:
         (("-o",), "-o needs the name of the file"),
         (("two.h5",), "stray word two.h5: flexgram reduce takes 1 file, which is named already"),
         (("--tol", "small"), "option --tol small: must be a finite number"),
+        (("--tol", "1%%"), "option --tol 1%%: must be a finite number"),
+        (("--memory-limit-mb", "5%"), "must be a finite number"),
         (("--frame", "bucken"), "option --frame bucken: must be one of"),
         (("-mor_tolr", "1"), "unknown option -mor_tolr: did you mean --tol"),
     ],

@@ -126,6 +126,14 @@ def test_a_mass_on_a_rigid_interface(ranks: int, tmp_path: Path) -> None:
     content["masses"] = {"block": {"at": "tip", "mass": mass, "inertia": np.diag(J).tolist()}}
     facts = import_description(content, "bar", tmp_path / "with.h5", mesh=mesh)
     assert "mass block: 5 kg" in " ".join(facts["summary"])
+    in_mm = {
+        "units": "mm-t-s",
+        "springs": {"mount": {"at": "tip", "stiffness": [700, 0, 0, 5, 0, 0]}},
+        "preload": {"tip.fx": -2000},
+    }
+    said = import_description(content | in_mm, "bar", tmp_path / "mm.h5", mesh=mesh)["summary"]
+    assert "spring mount: to ground, 7e+05, 0, 0 N/m, 0.005, 0, 0 N m a radian" in said
+    assert "preload tip.fx: -2000 (SI)" in said
     without = {k: v for k, v in content.items() if k != "masses"}
     import_description(without, "bar", tmp_path / "without.h5", mesh=mesh)
     a, b = (

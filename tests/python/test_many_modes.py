@@ -115,3 +115,17 @@ def test_the_program_on_ranks(tmp_path: Path, ranks: int) -> None:
         exact = full_response(matrices, w)
         lost = np.linalg.norm(exact - rom.transfer(np.array([w]))[0])
         assert lost <= rom.certified_error * np.linalg.norm(exact)
+
+
+def test_a_band_with_hundreds_of_modes_is_told_before_the_search(tmp_path: Path) -> None:
+    """The band may have been meant otherwise."""
+    K, M, B = net(0.1)
+    own = frequencies(K, M)
+    last = 0.5 * (own[399] + own[400]) / (2 * np.pi)
+    body = tmp_path / "net.h5"
+    write_matrices(body, K, M, B, alpha=1e-3, beta=1e-3)
+    job = ["-body", body, "-mor_band_hz", f"{0.1 * last!r},{last!r}", "-mor_tol", 1e-2]
+    said = run("reduce", *job, "-mor_out", tmp_path / "rom.h5", "-mor_monitor", "plan").out
+    below = np.sum(own < 1.1 * 2 * np.pi * last)
+    told = f"{below} natural frequencies lie below the cutoff"
+    assert told in said and said.index(told) < said.index("  modes ")

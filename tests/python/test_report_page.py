@@ -393,7 +393,10 @@ def test_view(made: Path, rack: Path, tmp_path: Path) -> None:
     run("view", rack, "-o", tmp_path / "body.html")
     body = Content(tmp_path / "body.html")
     assert "Mass 178.278 kg" in body.text and "upper" in body.text and "steel" in body.text
-    assert not body.data["scene-data"]["motions"]
+    assert not body.data["scene-data"]["motions"] and "forces act at" in body.text
+    with h5py.File(rack) as file:
+        at = np.round(file["interfaces/upper"].attrs["position"], 9) + 0.0
+    assert ", ".join(f"{x:.5g}" for x in at) in body.text
     mesh = box("tetra10", (4, 2, 2))
     mesh.cell_sets = {"part": [np.arange(5)]}
     meshio.write(tmp_path / "box.inp", mesh)

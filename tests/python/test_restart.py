@@ -145,8 +145,8 @@ def test_sigterm_leaves_a_checkpoint(tmp_path: Path, rack: Path, method: str, ra
     raise AssertionError("no moment of forty left a checkpoint")
 
 
-def test_the_first_ctrl_c_asks_and_the_second_ends(tmp_path: Path, rack: Path) -> None:
-    """A word at once, and the end after the present step; without a checkpoint at once."""
+def test_the_first_ctrl_c_asks(tmp_path: Path, rack: Path) -> None:
+    """A word at once, and the end after the present step; where no checkpoint is wanted no word."""
     out = tmp_path / "rom.h5"
     job = ["reduce", "-body", rack, *BAND, "-mor_out", out, "-mor_tol", "1e-8"]
     begin = time.time()
@@ -166,6 +166,11 @@ def test_the_first_ctrl_c_asks_and_the_second_ends(tmp_path: Path, rack: Path) -
     else:
         raise AssertionError("none of thirty was ended")
     left_by(out, "two_step").unlink(missing_ok=True)
+    process = start(*job, "--checkpoint", "no", ranks=1)
+    strike(process, signal.SIGINT, 0.5 * length)
+    said = process.stdout.read() if process.stdout else ""
+    assert "ending after" not in said and process.returncode in (0, 1, 130), said
+    out.unlink(missing_ok=True)
     result = run(*job, "--restart")
     assert "there is no checkpoint" in result.out and out.exists()
 

@@ -275,7 +275,7 @@ def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
         )
     if max(counts["extent"]) > 15 and counts["units"] == "SI":
         say(
-            f"  warning: the part measures {max(counts['extent']):.4g} m: is the mesh in "
+            f"  note: the part measures {max(counts['extent']):.4g} m: is the mesh in "
             "millimetres (--units mm-t-s)?"
         )
 

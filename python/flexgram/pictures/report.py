@@ -71,9 +71,9 @@ def _stress(answer: tuple[Any, ...], model: ReducedBody, body: str | Path | None
         ""
         if model.frame.rigid_modes == 0
         else (
-            " Loads at the ports alone count here. Gravity and the inertia of a large motion (a "
-            "swing, a spin) load the body all over: the stress of such a motion is that of its "
-            "coordinates in the multibody code, rom.elastic().stress(q)."
+            " Only the loads of this history count. Forces of joints hold neither gravity nor the "
+            "inertia of a large motion (a swing, a spin): the stress of such a motion is that of "
+            "its coordinates in the multibody code, rom.elastic().stress(q)."
         )
     )
     return (

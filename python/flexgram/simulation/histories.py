@@ -147,8 +147,8 @@ class HistoryAssessment:
             said.append(
                 f"without the rigid motion of the body: at most {_percent(self.elastic_error)}"
                 + (
-                    ", more than the tolerance where rigid motion is most of the response: "
-                    "--tol-relative-to both holds it for the elastic motion too"
+                    ". Rigid motion is most of the response: --tol-relative-to both bounds the "
+                    "error of the elastic motion too"
                     if self.elastic_error > 0.02
                     else ""
                 )
