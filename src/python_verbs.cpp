@@ -48,15 +48,15 @@ const std::vector<std::pair<std::string, std::string>>& python_verbs() {
   static const std::vector<std::pair<std::string, std::string>> verbs{
       {"import", "mesh description or files of an FE code -> body file"},
       {"info", "what a body, reduced or sweep file holds"},
-      {"view", "body, mesh or reduced file -> shown in the browser, to be turned"},
+      {"view", "show a body, a mesh or a reduced body in the browser"},
       {"report", "reduced file -> one self-contained HTML page"},
       {"plot", "reduced or sweep file -> figures"},
       {"export", "reduced file -> multibody codes and other tools"},
       {"frf", "frequency responses between ports: table, Bode plot, universal file"},
-      {"modes", "natural modes of a body, beside measured ones: table, universal "
-                "file, MAC"},
+      {"modes", "natural modes of a body, compared with measured ones: table, "
+                "universal file, MAC"},
       {"couple", "reduced files of several bodies -> one, with joints and springs"},
-      {"at", "reduced file of a body with parameters -> that with values of them"},
+      {"at", "reduced file of a body with parameters -> the same at given values"},
       {"campbell",
        "natural frequencies, damping and whirl of a reduced body over its speed"},
       {"hotspots", "where the stress of a reduced body is largest per unit of a load"},

@@ -10,7 +10,7 @@ namespace flexgram {
 namespace {
 
 const CommonOption band{"-mor_band_hz", "FIRST,LAST",
-                        "frequency band [Hz], or several: FIRST,LAST,FIRST,LAST"};
+                        "frequency band [Hz], or several: FIRST,LAST,... [10,500]"};
 const CommonOption tolerance{"-mor_tol", "ERROR",
                              "largest relative error of H anywhere in the band [1e-3]"};
 const CommonOption order{"-mor_order", "M",
@@ -23,7 +23,7 @@ const CommonOption frame{"-mor_frame", "KIND",
 const CommonOption frame_interface{"-mor_frame_interface", "NAME",
                                    "interface that a tangent frame follows"};
 const CommonOption statics{"-mor_statics", "",
-                           "answer static loads at all ports without error"};
+                           "add the static response to every port to the basis"};
 const CommonOption method{"-mor_method", "NAME",
                           "two_step with a proof; modal, craig_bampton, krylov, ..."};
 const CommonOption at{"-mor_at", "NAME=VALUE", "values of the body's parameters"};
@@ -178,7 +178,7 @@ const std::vector<Verb>& program_verbs() {
        {{"-body", "BODY", "body file"}, band, tolerance, inputs, method}},
       {{"assemble", {"-body"}, "-body_out"},
        "MESH_BODY -o FILE",
-       "a body of matrices of a mesh",
+       "K and M of a mesh body, written as a body of matrices",
        "flexgram assemble rack.h5 -o rack.matrices.h5",
        {{"-body", "MESH_BODY", "body file that holds a mesh"},
         {"-body_out", "FILE", "body of matrices to write"},

@@ -2,12 +2,13 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "basis/claims.hpp"
 #include "basis/held.hpp"
 #include "basis/order_choice.hpp"
+#include "basis/tangent_frame.hpp"
 #include "basis/tell.hpp"
 #include "linalg/decompositions.hpp"
 #include "medium/error_between.hpp"
-#include "medium/field_error.hpp"
 #include "model/project.hpp"
 
 #include <algorithm>
@@ -59,9 +60,6 @@ private:
   void prove_between(const Dense& Q, const ErrorOverBox::Supremum& sup, BandClaim& claim);
   std::vector<double> error_grid(const MediumModel& model) const;
   Dense gram() const;
-  std::string frame_interface() const;
-  Dense tangent(const Dense& Q) const;
-  ErrorOverBox::Supremum shared_supremum(ErrorOverBox::Supremum sup) const;
   double smallest_tolerance() const {
     return request_.order.tolerance ? request_.order.smallest() : 0.0;
   }
@@ -70,8 +68,6 @@ private:
   DenseSystem::Modal chosen_model();
   ReducedModel reduced(const Dense& Q, const DenseSystem& small,
                        const ErrorOverBox::Supremum& sup);
-  void claim_field(const Dense& Q, const DenseSystem& small,
-                   const ErrorOverBox::Supremum& sup, ReducedModel& rom) const;
 
   const Medium& whole_;
   const CutRequest& request_;
@@ -90,6 +86,7 @@ private:
   ErrorOverBox errors_;
   OrderChoice choice_;
   FrameKind frame_ = FrameKind::none;
+  std::string frame_interface_;
 };
 
 Cut::Cut(const Medium& medium, const CutRequest& request, Observer& observer)
@@ -288,71 +285,6 @@ Dense Cut::gram() const {
   return g;
 }
 
-/// The one asked for; of a tangent frame else the first with six ports. Empty: none.
-std::string Cut::frame_interface() const {
-  if (!request_.frame_interface.empty() || frame_ != FrameKind::tangent)
-    return request_.frame_interface;
-  for (const auto& [name, ports] : interfaces_of(medium_.names.inputs))
-    if (ports.size() == 6) return name;
-  return "";
-}
-
-/// V_e − Φ_r (B_iᵀΦ_r)⁻¹ B_iᵀV_e: every elastic vector at rest at the interface.
-Dense Cut::tangent(const Dense& Q) const {
-  const std::string interface = frame_interface();
-  std::vector<int> ports;
-  const auto known = interfaces_of(medium_.names.inputs);
-  for (const auto& [name, own] : known)
-    if (name == interface) ports = own;
-  if (ports.empty() && !interface.empty()) {
-    std::vector<std::string> names;
-    for (const auto& entry : known) names.push_back(entry.first);
-    throw Error(text("{frame_interface} %s: there is no such interface; there are %s",
-                     interface.c_str(), join(names).c_str()));
-  }
-  if (ports.size() != 6 || medium_.rigid != 6)
-    throw Error(
-        text("{frame} tangent needs a free body and an interface with six ports; %s%s "
-             "has %zu, and there are %d rigid modes",
-             interface.empty() ? "no interface" : "interface ", interface.c_str(),
-             ports.size(), medium_.rigid));
-  const int m = Q.columns;
-  const Dense motion = multiply_transposed(medium_.system.B, Q); // n_in × m
-  ComplexDense rigid(6, 6), elastic(6, m - 6);
-  for (int i = 0; i < 6; ++i) {
-    const int port = ports[as_size(i)];
-    for (int j = 0; j < 6; ++j) rigid(i, j) = motion(port, j);
-    for (int j = 6; j < m; ++j) elastic(i, j - 6) = motion(port, j);
-  }
-  const ComplexDense share = solve(std::move(rigid), std::move(elastic));
-  Dense moved = Q;
-  for (int j = 6; j < m; ++j)
-    for (int i = 0; i < 6; ++i) moved(i, j) -= share(i, j - 6).real();
-  return moved;
-}
-
-/// Rank 0's: the last bit may differ between ranks, and with it how often intervals were
-/// halved; the file and the exit status must not.
-ErrorOverBox::Supremum Cut::shared_supremum(ErrorOverBox::Supremum sup) const {
-  std::vector<double> head{sup.worst, sup.proved ? 1.0 : 0.0,
-                           static_cast<double>(sup.excluded.size()),
-                           static_cast<double>(sup.intervals)};
-  share_from_first(comm_, head);
-  sup.worst = head[0];
-  sup.proved = head[1] > 0;
-  sup.excluded.resize(static_cast<std::size_t>(head[2]));
-  sup.intervals = static_cast<int>(head[3]);
-  for (auto* values : {&sup.worst_of, &sup.attained_of, &sup.at_of})
-    share_from_first(comm_, *values);
-  for (ParameterValues& values : sup.values_of) share_from_first(comm_, values);
-  std::vector<double> ends;
-  for (const Interval& e : sup.excluded) ends.insert(ends.end(), {e.first, e.last});
-  share_from_first(comm_, ends);
-  for (std::size_t i = 0; i < sup.excluded.size(); ++i)
-    sup.excluded[i] = {ends[2 * i], ends[2 * i + 1]};
-  return sup;
-}
-
 /// What is asked of a view.
 double Cut::limit_of(std::size_t view) const {
   return request_.order.smallest() * medium_.views[view].allowed;
@@ -404,7 +336,7 @@ DenseSystem::Modal Cut::chosen_model() {
   DenseSystem::Modal chosen = medium_.system.project_to_modes(Q, medium_.tau);
   if (frame_ == FrameKind::tangent) { // K resists rigid motion in no coordinates
     Dense K = std::move(chosen.system.K);
-    chosen.Q = tangent(chosen.Q);
+    chosen.Q = at_rest_at(medium_, frame_interface_, chosen.Q);
     chosen.system = medium_.system.project(chosen.Q);
     chosen.system.K = std::move(K);
   }
@@ -461,7 +393,7 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.frame.kind = frame_names[as_size(
       frame_ == FrameKind::none && apart ? FrameKind::buckens : frame_)];
   rom.frame.rigid_modes = medium_.rigid;
-  rom.frame.interface = frame_interface();
+  rom.frame.interface = frame_interface_;
   if (whole_.integrals) {
     Dense all(whole_.integrals->M_er.rows, Q.columns);
     set_part(all, 0, 0, medium_.in_V(Q));
@@ -495,25 +427,6 @@ void Cut::prove_between(const Dense& Q, const ErrorOverBox::Supremum& sup,
     claim.of_all_values.push_back(std::max(found.worst_of[v] + floor, sup.worst_of[v]));
 }
 
-/// Of each kind of inputs.
-void Cut::claim_field(const Dense& Q, const DenseSystem& small,
-                      const ErrorOverBox::Supremum& sup, ReducedModel& rom) const {
-  const FieldError field(seen_, Q, small);
-  std::vector<std::vector<int>> known;
-  for (const PortView& view : port_views(medium_.names, {true, {}, {}})) {
-    if (std::find(known.begin(), known.end(), view.columns) != known.end()) continue;
-    known.push_back(view.columns);
-    const FieldSupremum found = field.supremum(view.columns, sup.excluded);
-    std::vector<double> shared{found.worst, found.attained, found.at,
-                               found.proved ? 1.0 : 0.0};
-    share_from_first(comm_, shared);
-    const auto from = view.name.find(" from ");
-    rom.claim.fields.push_back(
-        {from == std::string::npos ? view.name : view.name.substr(from + 6), shared[0],
-         shared[1], shared[2], shared[3] > 0});
-  }
-}
-
 ReducedModel Cut::run() {
   Stage timer(observer_, "second stage");
   frame_ = request_.frame != FrameKind::automatic ? request_.frame
@@ -524,6 +437,9 @@ ReducedModel Cut::run() {
     frame_ = FrameKind::none;
   }
   if (medium_.rigid > 0) observer_.fact("frame", frame_names[as_size(frame_)]);
+  frame_interface_ = request_.frame_interface;
+  if (frame_interface_.empty() && frame_ == FrameKind::tangent)
+    frame_interface_ = first_with_six_ports(medium_);
   stage_ = std::make_unique<SecondStage>(
       SecondStage{medium_, others(), weights(), request_.equal_ports,
                   frame_ != FrameKind::none, gram(), shifts_, request_.moments,
@@ -539,10 +455,11 @@ ReducedModel Cut::run() {
   const DenseSystem::Modal chosen = chosen_model();
   const Dense& Q = chosen.Q;
   const DenseSystem& small = chosen.system;
-  const auto sup = shared_supremum(errors_.supremum(small, smallest_tolerance()));
+  const auto sup = of_first_rank(comm_, errors_.supremum(small, smallest_tolerance()));
   ReducedModel rom = reduced(Q, small, sup);
   prove_between(Q, sup, *rom.claim.supremum);
-  if (request_.field) claim_field(Q, small, sup, rom);
+  if (request_.field)
+    rom.claim.fields = field_claims(comm_, seen_, Q, small, sup.excluded);
   rom.claim.form = seen_.model().error_form();
   rom.claim.held = held_interfaces(medium_, small, bands_.back().last);
   tell({whole_, request_, seen_, choice_, small, sup}, rom, observer_);

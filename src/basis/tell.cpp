@@ -349,7 +349,8 @@ void tell(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
            candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
   tell_error(cut, rom, observer);
   observer.fact("reduced modes", describe_modes(rom.modes, medium.rigid));
-  if (!rom.claim.held.empty()) observer.fact("held", held_words(rom.claim.held));
+  if (!rom.claim.held.empty())
+    observer.fact("held", held_words(rom.claim.held) + "; not part of the claim");
   observer.fact("reduced M, K",
                 text("smallest over largest eigenvalue %.1e, %.1e; V'MV = I to %.0e",
                      relative_smallest_eigenvalue(rom.system.M),

@@ -28,8 +28,8 @@ void require_used(const DofMap& map, const char* kind, const std::string& name,
                   const std::vector<std::int64_t>& nodes) {
   for (auto node : nodes)
     if (map.dofs[as_size(node)] == 0)
-      throw Error(text("%s %s: node %lld (0-based) belongs to no element", kind,
-                       name.c_str(), ll(node)));
+      throw Error(text("%s %s: node %lld belongs to no element", kind, name.c_str(),
+                       ll(node) + 1));
 }
 
 void add_rigid_interface(const Interface& interface, DofMap& map) {
@@ -48,9 +48,9 @@ void add_rigid_interface(const Interface& interface, DofMap& map) {
                        interface.name.c_str(), ll(node) + 1));
     if (map.held[as_size(node)])
       throw Error(
-          text("interface %s: node %lld (0-based) is also held by a support; a rigid "
-               "interface cannot be",
-               interface.name.c_str(), ll(node)));
+          text("interface %s: node %lld is also held by a support; a rigid interface "
+               "cannot be",
+               interface.name.c_str(), ll(node) + 1));
     master = reference;
   }
 }

@@ -113,7 +113,7 @@ Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& ma
   }
   const char* free =
       "the body moves freely, or a part of it: a preload or a spin needs supports "
-      "(import --support of a mesh, `supports` in YAML)";
+      "(--support of a mesh, `supports` in YAML, *BOUNDARY or SPC in a deck)";
   try {
     ShiftedSolver solver(K, nullptr, {}, node, counting(options));
     solver.count_pivots(true);
@@ -169,6 +169,7 @@ void Preload::solve(ShiftedSolver& solver, const Ports& inputs) {
         throw Error(text("preload: %s: nothing resists the shank, it shortens without "
                          "force: do both of its ends hold on to the body?",
                          bolt.input.c_str()));
+      bolts_[as_size(i)].resisted = stiffness(i, i) / bolt.held;
       names.push_back(bolt.input);
       wanted.push_back(bolts_[as_size(i)].force * bolt.length);
     }
@@ -231,7 +232,7 @@ std::optional<FreeStrain> Preload::free_strain(const PlacedElement& at) const {
       slopes |= strain.gradient.emplace_back(gradient_[as_size(node)]) != 0;
   if (!slopes) strain.gradient.clear();
   any |= slopes;
-  for (const auto& [bolt, force, shortened] : bolts_) {
+  for (const auto& [bolt, force, shortened, resisted] : bolts_) {
     const auto& shank = bolt->nodes;
     if (!std::all_of(nodes.begin(), nodes.end(), [&](std::int64_t node) {
           return std::binary_search(shank.begin(), shank.end(), node);
@@ -315,9 +316,17 @@ void Preload::tell(MPI_Comm comm, Observer& observer) const {
   std::string loads;
   for (const auto& [name, value] : loads_)
     loads += text("%s%s %g", loads.empty() ? "" : ", ", name.c_str(), value);
-  for (const auto& [bolt, force, strain] : bolts_)
-    loads += text(", %s shortens its shank by %.3g m", bolt->input.c_str(),
-                  strain * bolt->length);
+  for (const Tightened& one : bolts_) {
+    loads += text(", %s shortens its shank by %.3g m", one.bolt->input.c_str(),
+                  one.strain * one.bolt->length);
+    constexpr double hardly = 0.05;
+    if (one.resisted < hardly)
+      observer.warn(text(
+          "preload: %s: the body resists the shank with %.2g %% of the shank's own "
+          "stiffness, so that it shortens %.0f times as far as between rigid ends: do "
+          "both of its ends hold on to the body?",
+          one.bolt->input.c_str(), 100 * one.resisted, 1 / one.resisted));
+  }
   observer.fact(
       "preload",
       text("%s: displacement at most %.3g m, von Mises stress (of beams: axial) at "

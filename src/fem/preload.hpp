@@ -61,6 +61,7 @@ private:
   struct Tightened {
     const Pretension* bolt;
     double force, strain;
+    double resisted = 1; ///< stiffness of the body against the shank, over the shank's
   };
   bool spins() const { return speed() > 0; }
   /// Solves for the displacements u_, of bolts with the shortening that gives their forces.

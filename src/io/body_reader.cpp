@@ -310,8 +310,9 @@ void take_symmetric_part(Matrix& matrix, const std::string& name,
 bool holds_mesh(const Hdf5File& file) {
   const bool mesh = file.exists("/mesh");
   if (file.exists("/gramian"))
-    fail(file, "this is a reduced file, not a body; flexgram sweep BODY ROM compares it "
-               "with its body");
+    fail(file,
+         "this is a reduced file, not a body: reduce its body once more for another "
+         "band or tolerance; flexgram sweep BODY ROM compares both");
   if (file.exists("/projected") && file.exists("/spec"))
     fail(file, "this is a medium model, not a body; flexgram cut takes it");
   if (!mesh && file.exists("/H") && file.exists("/omega"))

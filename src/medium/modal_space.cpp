@@ -228,6 +228,11 @@ void add_modes(const CertifyRun& run, ModalSpace& modal, int geometric) {
   if (modal.elastic > 0)
     words += text(", all found (%d solves beside the ports)", solves);
   run.observer.fact("modes", words);
+  if (rigid > 6)
+    run.observer.warn(
+        text("the body has %d rigid modes, more than the six of one body: loose parts or "
+             "hinges move by themselves",
+             rigid));
   run.observer.fact("rigid modes",
                     rigid == 0 ? "none"
                                : text("%d, %s, taken out analytically", rigid,

@@ -230,9 +230,12 @@ std::vector<int> ports_named(const std::vector<std::string>& ports,
     for (std::size_t i = 0; i < ports.size(); ++i)
       if (ports[i] == word || ports[i].rfind(word + ".", 0) == 0)
         found.push_back(static_cast<int>(i));
-    if (found.size() == before)
+    if (found.size() == before) {
+      std::vector<std::string> known = ports;
+      for (const auto& port : ports) known.push_back(port.substr(0, port.rfind('.')));
       throw Error(text("%s: there is no port %s, did you mean %s? There are %s", option,
-                       word.c_str(), nearest(word, ports).c_str(), join(ports).c_str()));
+                       word.c_str(), nearest(word, known).c_str(), join(ports).c_str()));
+    }
   }
   for (std::size_t i = 0; i < found.size(); ++i)
     if (std::find(found.begin(), found.begin() + static_cast<long>(i), found[i]) !=

@@ -1,7 +1,9 @@
 #include "run/sweep.hpp"
 
 #include "base/index.hpp"
+#include "base/parallel.hpp"
 #include "base/text.hpp"
+#include "io/hdf5_file.hpp"
 #include "io/reduced_io.hpp"
 #include "model/project.hpp"
 #include "run/summary.hpp"
@@ -77,6 +79,24 @@ void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& om
   file.commit();
 }
 
+/// A reduced file knows how many rows its basis has, which are those of its body.
+void expect_its_body(MPI_Comm comm, const Settings& s, std::int64_t n,
+                     Observer& observer) {
+  std::int64_t rows = n;
+  {
+    const Hdf5File file = Hdf5File::open(comm, s.rom);
+    agree(comm, [&] {
+      if (file.exists("/V")) rows = file.shape("/V").front();
+    });
+  }
+  if (rows != n)
+    observer.warn(
+        text("%s was reduced from a body with %lld dofs, and %s has %lld: is it "
+             "that body?",
+             s.rom.c_str(), static_cast<long long>(rows), s.body.c_str(),
+             static_cast<long long>(n)));
+}
+
 } // namespace
 
 void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& observer) {
@@ -87,6 +107,7 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& o
   SecondOrderModel rom;
   if (!s.rom.empty()) {
     rom = read_reduced(comm, s.rom);
+    expect_its_body(comm, s, body.model.n, observer);
     const bool chosen = !s.inputs.empty() || !s.outputs.empty();
     SecondOrderModel& fewer =
         chosen ? rom : body.model; // without a choice the rom's ports count
