@@ -83,7 +83,14 @@ def test_a_fastener(kind: str, ranks: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "form", ["PARTPAT\n,1,2", "ELPAT\n,1024,2022", "ELEMID,,,,,+\n+,1024,2022"]
+    "form",
+    [
+        "PARTPAT\n,1,2",
+        "ELPAT\n,1024,2022",
+        "ELEMID,,,,,+\n+,1024,2022",
+        "GRIDID,,,QQ\n,13,14,24,23,,,,\n,112,113,123,122",
+        "GRIDID,,,QT\n,13,14,24,23,,,,\n,112,113,123",
+    ],
 )
 def test_a_weld(form: str, tmp_path: Path) -> None:
     """A short round beam, whose length is no less than a fifth of its diameter."""
@@ -95,6 +102,24 @@ def test_a_weld(form: str, tmp_path: Path) -> None:
         across = 1 / (L**3 / (12 * E_ * J) + L / (0.9 * G_ * A))
         by_hand = [E_ * A / L, across, across, 2 * G_ * J / L, E_ * J / L, E_ * J / L]
         np.testing.assert_allclose(K, expected(by_hand), atol=1e-6 * np.abs(K).max())
+
+
+def test_a_weld_between_grids(tmp_path: Path) -> None:
+    """ALIGN: a round beam between two grids of the sheets, whatever its direction."""
+    text = WELD.replace("300,PARTPAT\n,1,2", ",ALIGN,13,112")
+    K = joined(tmp_path, deck(text))["K"].toarray()
+    ends = np.array([[0.05, 0.02, 0.0], [0.038, 0.02, GAP]])
+    L, x = np.linalg.norm(ends[1] - ends[0]), ends[1] - ends[0]
+    A, J = np.pi * 0.006**2 / 4, np.pi * 0.006**4 / 64
+    across = 1 / (L**3 / (12 * E_ * J) + L / (0.9 * G_ * A))
+    own = np.diag([E_ * A / L, across, across, 2 * G_ * J / L, E_ * J / L, E_ * J / L])
+    rotation = np.array([x / L, [0, 1, 0], np.cross(x / L, [0, 1, 0])])
+    axes = np.kron(np.eye(2), rotation)
+    arm = ends.mean(axis=0) - [0.08, 0.05, 0.03]
+    carried = np.eye(6)
+    carried[:3, 3:] = np.column_stack([np.cross(e, arm) for e in np.eye(3)])
+    by_hand = carried.T @ axes.T @ own @ axes @ carried
+    np.testing.assert_allclose(K, by_hand, atol=1e-6 * np.abs(K).max())
 
 
 @pytest.mark.parametrize("weld", [FAST, WELD])
@@ -118,7 +143,9 @@ def test_welded_sheets_are_free(weld: str, tmp_path: Path) -> None:
         (FAST.replace(",300", ""), "CFAST 90: its place must be given by GS"),
         (FAST.replace("PROP,1,2", "ELEM,1000,7"), "CFAST 90: element 7 is no shell"),
         (FAST.replace("1.+7,1.+7", "1.+7,2.+7"), "KT2 and KT3"),
-        (WELD.replace("PARTPAT", "GRIDID"), "CWELD 90: GRIDID is not supported"),
+        (WELD.replace("PARTPAT", "GRID"), "CWELD 90: GRID is not supported"),
+        (WELD.replace("PARTPAT\n,1,2", "GRIDID,,,Q\n,13,14,24,23"), "90: SPTYP Q is not supported"),
+        (WELD.replace("PARTPAT\n,1,2", "GRIDID,,,QQ\n,13,14,24,23"), "corners of B are missing"),
         (WELD.replace("PWELD,9", "PWELD,8"), "there is no PWELD 9"),
         (WELD.replace(",1,2\n", ",1,7\n"), "property 7 has no shells"),
     ],

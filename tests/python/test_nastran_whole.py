@@ -283,56 +283,6 @@ def test_a_rigid_element_that_is_held_in_part(ranks: int, tmp_path: Path) -> Non
     np.testing.assert_allclose(lowest(a, 4), expected, rtol=1e-8)
 
 
-SHAPES = {
-    "T": "40.,60.,5.,4.",
-    "T1": "60.,40.,4.,5.",
-    "T2": "10.,24.,1.,1.",
-    "I": "60.,40.,30.,4.,5.,6.",
-    "I1": "36.,4.,50.,60.",
-    "CHAN": "30.,60.,4.,5.",
-    "CHAN1": "26.,4.,50.,60.",
-    "CHAN2": "3.,4.,50.,60.",
-    "H": "30.,10.,50.,4.",
-    "HAT": "40.,3.,30.,12.",
-    "CROSS": "30.,4.,50.,5.",
-}
-
-
-@pytest.mark.parametrize("shape", list(SHAPES))
-def test_open_sections(shape: str, tmp_path: Path) -> None:
-    """Area and second moments by the boundary of the section that pyNastran draws."""
-    from pyNastran.bdf.cards.elements import beam_connectivity
-
-    text = bars(PLAIN).replace(
-        "PBAR,1,1,6.-4,4.5-8,2.-8,5.-8", f"PBARL,1,1,,{shape}\n,{SHAPES[shape]}"
-    )
-    (tmp_path / "b.bdf").write_text(text)
-    assemble_bulk(tmp_path / "b.bdf", tmp_path / "b.h5", [parse("node", "tip=NODES:5")])
-    with h5py.File(tmp_path / "b.h5") as file:
-        (of,) = (dict(section.attrs) for section in file["sections"].values())
-    dims = np.array(SHAPES[shape].split(","), dtype=float)
-    if shape == "CROSS":  # which it does not draw, nor CHAN2
-        arms, web, h, t = dims / 2
-        y = np.array([-h, -h, -t, -t, t, t, h, h, t, t, -t, -t])
-        z = np.array([-1, 1, 1, 0, 0, 1, 1, -1, -1, 0, 0, -1]) * web
-        z += np.array([0, 0, 0, 1, 1, 0, 0, 0, 0, -1, -1, 0]) * (web + arms)
-    elif shape == "CHAN2":
-        t, floor, h, b = dims
-        y = np.array([0, 0, h, h, floor, floor, h, h])
-        z = np.array([0, b, b, b - t, b - t, t, t, 0])
-    else:
-        drawn = getattr(beam_connectivity, f"{shape.lower()}_setup")(dims, dims)[1]
-        y, z = drawn[:, 1], drawn[:, 2]
-    next_y, next_z = np.roll(y, -1), np.roll(z, -1)
-    cross = y * next_z - next_y * z
-    A = cross.sum() / 2
-    y0, z0 = ((y + next_y) * cross).sum() / (6 * A), ((z + next_z) * cross).sum() / (6 * A)
-    I_z = ((y**2 + y * next_y + next_y**2) * cross).sum() / 12 - A * y0**2
-    I_y = ((z**2 + z * next_z + next_z**2) * cross).sum() / 12 - A * z0**2
-    found = np.array([of["A"], of["I_z"], of["I_y"]])
-    np.testing.assert_allclose(found, np.array([A, I_z, I_y]) * np.sign(A), rtol=1e-9)
-
-
 def test_axes_that_are_not_principal(tmp_path: Path) -> None:
     """A rectangle by I1, I2 and I12 about axes at 30 degrees, and about its own."""
     angle, I1, I2 = np.radians(30), 4.5e-8, 2e-8

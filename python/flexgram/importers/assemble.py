@@ -22,7 +22,7 @@ from flexgram.basics import BodyError, Floats, errors_of
 from flexgram.body.description import import_description
 from flexgram.importers.alone import COMPONENTS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
-from flexgram.importers.deck import TAKEN_AS, Deck, read_deck
+from flexgram.importers.deck import PLANE, TAKEN_AS, Deck, read_deck
 from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
 from flexgram.importers.deck_constraints import along, equations_of, ties_of
@@ -104,6 +104,10 @@ PASSED = {
 }
 
 
+#: Cards of materials of which a linear body has nothing.
+NOT_LINEAR = ("PLASTIC", "CYCLIC HARDENING", "CREEP")
+
+
 def _meant(keyword: str) -> str:
     """The keyword that is nearly this one, else what knows others."""
     alike = difflib.get_close_matches(keyword, READ | PASSED, 1, 0.8)
@@ -120,7 +124,7 @@ def _refuse_others(job: Job, deck: Deck) -> list[str]:
         kind = card.options.get("TYPE", "").upper()
         known = (*ELEMENTS, *BENDING, *SHELLS, *BEAMS, *TRUSSES, *TYPES)
         if card.keyword == "ELEMENT" and kind not in (*known, *TAKEN_AS):
-            if kind.startswith(("CPS", "CPE", "CAX")):
+            if PLANE.match(kind):
                 if any(written in ELEMENTS for written in deck.types.values()):
                     of_surfaces[kind] = None  # of solids, by gmsh
                     continue
@@ -134,11 +138,14 @@ def _refuse_others(job: Job, deck: Deck) -> list[str]:
                 f"{card.place}: elements {kind} are not supported{meant}, {', '.join(known)} are; "
                 "take --run-ccx for others of CalculiX"
             )
-    return [
+    notes = [
         f"elements {kind} are left out: elements of a plane, which gmsh writes for surfaces of "
-        "solids (a section of theirs is refused)"
+        "solids (a section of theirs is refused); their sets name nodes"
         for kind in of_surfaces
     ]
+    if beyond := [f"*{word}" for word in NOT_LINEAR if any(c.keyword == word for c in job.model)]:
+        notes.append(f"{', '.join(beyond)} left out: the reduced body is linear")
+    return notes
 
 
 #: *BOUNDARY by name, of Abaqus: directions from 1.

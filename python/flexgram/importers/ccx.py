@@ -12,6 +12,7 @@ import shutil
 import subprocess
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 
 from flexgram.basics import BodyError
@@ -303,8 +304,13 @@ def run_ccx(
     errors = [i for i, line in enumerate(said) if "*ERROR" in line]
     if done.returncode or missing or errors:
         first = errors[0] if errors else max(len(said) - 3, 0)  # an error goes on for some lines
-        reason = " ".join(line.strip() for line in said[first : first + 3] if line.strip())
-        reason = re.sub(r"\s+", " ", reason)
+        part = [line.strip() for line in said[first : first + 8]]
+        lines = takewhile(bool, part) if errors else filter(bool, part)
+        reason = re.sub(r"\s+", " ", " ".join(lines))
+        if "plane stress" in reason:
+            reason += (
+                ". gmsh writes such elements for surfaces of solids: --assemble leaves them out"
+            )
         raise BodyError(f"ccx on {deck} failed (exit status {done.returncode}): {reason}")
     return job, remarks
 

@@ -192,6 +192,9 @@ def _lines(source: Iterable[Line]) -> Iterator[Line]:
         yield begun
 
 
+#: Elements of a plane, which gmsh writes for the surfaces of solids.
+PLANE = re.compile(r"(?:CPS|CPE|CAX)(\d)")
+OF_PLANE = "plane"
 #: Cards that make or move nodes in ways that are not supported here.
 UNKNOWN_NODES = ("NGEN", "NFILL", "NCOPY", "SYSTEM", "NMAP")
 
@@ -209,6 +212,7 @@ class _Model:
         self.transformed = False
         self.instances = 0
         self.types: dict[int, str] = {}
+        self.planes: dict[int, tuple[str, list[int]]] = {}  # elements of a plane, of surfaces
         self.directed: list[int] = []  # beams with a further node, for their direction 1
         self.kind, self.count, self.pending = "", 0, list[int]()
 
@@ -240,6 +244,8 @@ class _Model:
                 (of for start, of in (SOLIDS | SHELLS | LINES).items() if name.startswith(start)),
                 ("", 0),
             )
+            if of_plane := PLANE.match(name):
+                self.kind, self.count = OF_PLANE, int(of_plane[1])
             self.pending = []
 
     def data(self, keyword: str, options: dict[str, str], words: list[str]) -> None:
@@ -263,10 +269,17 @@ class _Model:
                     self.directed.append(self.pending[0])
                 if self.kind == "line3":  # whose second node is that in the middle
                     nodes = [nodes[0], nodes[2], nodes[1]]
-                element = self.kind, nodes
-                if self.connectivity.setdefault(self.pending[0], element) != element:
-                    raise ValueError(f"defines element {self.pending[0]} a second time")
-                self.types[self.pending[0]] = options.get("TYPE", "").upper()
+                label, element = self.pending[0], (self.kind, nodes)
+                of_plane = self.kind == OF_PLANE
+                known, others = (
+                    (self.planes, self.connectivity)
+                    if of_plane
+                    else (self.connectivity, self.planes)
+                )
+                if label in others or known.setdefault(label, element) != element:
+                    raise ValueError(f"defines element {label} a second time")
+                if not of_plane:
+                    self.types[label] = options.get("TYPE", "").upper()
                 if "ELSET" in options:
                     self.elsets.setdefault(options["ELSET"].upper(), []).append(self.pending[0])
                 self.pending = []
@@ -351,6 +364,7 @@ def read_deck(path: Path, lines: Iterable[Line] | None = None) -> Deck:
         except ValueError:
             continue
         found = {n for e in members if e in connectivity for n in connectivity[e][1]}
+        found |= {n for e in members if e in model.planes for n in model.planes[e][1]}
         if found and name not in sets:
             sets[name] = np.array(sorted(found), dtype=np.int64)
     order = np.argsort(labels)

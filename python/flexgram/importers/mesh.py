@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,8 @@ def describe_load(text: str) -> tuple[str, dict[str, Any]]:
     elif kind == "nodal":
         entry["table"] = more
     elif kind != "acceleration":
+        if not more:
+            raise BodyError(f"--load {text}: expected nodes behind it: {name}={kind}:NSET:SET")
         entry["nodes"] = _choice(parse("load", f"{name}={more}"))
     elif more:
         where = f"--load {text} (acceleration takes no nodes, it may have a vector)"
@@ -74,6 +77,8 @@ def describe_output(text: str) -> tuple[str, dict[str, Any]]:
     kind, colon, nodes = rest.partition(":")
     kind, _, side = kind.partition("/")
     if not colon or kind not in OUTPUTS:
+        if colon and (near := difflib.get_close_matches(kind, OUTPUTS, 1, 0.7)):
+            raise BodyError(f"--measure {text}: {kind} is unknown, did you mean {near[0]}?")
         kind, nodes, side = "displacement", rest, ""
     entry: dict[str, Any] = {"type": kind} | ({"side": side} if side else {})
     if kind == "gauge":
@@ -175,10 +180,14 @@ def describe_mesh(
         except ValueError:
             values = {}
         if set(values) - {EXPANSION} != set(ISOTROPIC):
+            E, nu, rho, _ = MATERIALS["steel"]
+            own = f"E={E / (force / length**2):.6g},nu={nu:g},rho={rho / (mass / length**3):.6g}"
+            missing = [key for key in ISOTROPIC if values and key not in values]
             raise BodyError(
-                f"--material {material}: expected one of {', '.join(MATERIALS)}, or "
-                "E=210e9,nu=0.3,rho=7850 in the units of the mesh, and expansion=12e-6 "
-                "[1/K] for heat"
+                f"--material {material}: "
+                + (f"{', '.join(missing)} is missing; " if missing else "")
+                + f"expected one of {', '.join(MATERIALS)}, or numbers in {units}, of steel "
+                f"{own}, and expansion=12e-6 [1/K] for heat"
             )
     called = material if material in MATERIALS else "material"
     described = describe_interfaces(interfaces)
@@ -268,11 +277,7 @@ def import_mesh(
     2768
     """
     check_damping(alpha, beta, eta)
-    named = (
-        [_parsed(*item) for item in interfaces.items()]
-        if isinstance(interfaces, Mapping)
-        else interfaces
-    )
+    named = interfaces_of(interfaces)
     described = describe_mesh(
         Path(mesh),
         material,
@@ -323,6 +328,13 @@ def describe_preload(words: Sequence[str]) -> dict[str, float]:
     return found
 
 
+def interfaces_of(interfaces: Mapping[str, str] | Sequence[Interface]) -> Sequence[Interface]:
+    """Interfaces by name, ``{"eye": "rigid NSET:eye"}``, or as they are."""
+    if isinstance(interfaces, Mapping):
+        return [_parsed(*item) for item in interfaces.items()]
+    return interfaces
+
+
 def _parsed(name: str, words: str) -> Interface:
     coupling, _, where = str(words).partition(" ")
     if coupling not in ("rigid", "distributing", "node"):
@@ -340,7 +352,12 @@ def _choice(interface: Interface) -> Any:
     if kind.upper() == "NSET":
         return words
     if kind.upper() not in ("NODES", "AT", "BOX"):
-        raise BodyError(f"{place}: a node set is named with NSET:{kind}")
+        if not words:
+            raise BodyError(f"{place}: a node set is named with NSET:{kind}")
+        raise BodyError(
+            f"{place}: {kind} is unknown: NSET:{words} for a set, NODES:1,2,3, AT:x,y,z or "
+            "BOX:x0,y0,z0,x1,y1,z1"
+        )
     if kind.upper() == "NODES":
         try:
             return [int(word) for word in words.split(",")]

@@ -157,6 +157,33 @@ def _cross(arms: float, web: float, h: float, thick: float) -> list[Plate]:
     return [*sides, Plate(h, web)]
 
 
+def _box1(
+    b: float, h: float, top: float, bottom: float, left: float, right: float
+) -> dict[str, Any]:
+    """A box of four different walls, thin in torsion (Bredt)."""
+    sides, y = h - top - bottom, (bottom - top) / 2
+    section = plates(
+        [
+            Plate(top, b, (h - top) / 2),
+            Plate(bottom, b, (bottom - h) / 2),
+            Plate(sides, left, y, (left - b) / 2),
+            Plate(sides, right, y, (b - right) / 2),
+        ]
+    )
+    b, h = b - (left + right) / 2, h - (top + bottom) / 2
+    around = b / top + b / bottom + h / left + h / right
+    return section | {"J": 4 * (b * h) ** 2 / around}
+
+
+def _hexa(side: float, b: float, h: float) -> dict[str, Any]:
+    """A full hexagon of width b and height h, whose corners at the sides reach out by ``side``.
+    Torsion: A⁴/(40 (I_y + I_z)), Saint-Venant's rule for full sections."""
+    A, half = h * (b - side), b / 2 - side
+    I_z = h**3 * (2 * half / 12 + side / 24)
+    I_y = h * (2 * half**3 / 3 + half**2 * side + 2 * half * side**2 / 3 + side**3 / 6)
+    return general(A, I_y, I_z, A**4 / (40 * (I_y + I_z)), 5 / 6, 5 / 6)
+
+
 #: Shapes of PBARL by their dimensions. CBAR takes their shear centre and centre of area as one.
 OPEN: dict[str, Callable[..., list[Plate]]] = {
     "T": _t,
@@ -189,6 +216,10 @@ def _of_shape(prop: Any, place: float) -> dict[str, Any]:
     if shape == "BOX":  # thickness of the horizontal and of the vertical walls; height along y
         b, h, top, side = d
         return turned(box(b, h, side, top))
+    if shape == "BOX1" and prop.type == "PBARL":
+        return _box1(*d)
+    if shape == "HEXA" and prop.type == "PBARL":
+        return _hexa(*d)
     if shape == "I":
         h, bottom, top, web, low, high = d
         if abs(bottom - top) <= 1e-9 * h and abs(low - high) <= 1e-9 * h:
@@ -197,5 +228,6 @@ def _of_shape(prop: Any, place: float) -> dict[str, Any]:
             raise BodyError("an I with two different flanges is not supported")
     if shape in OPEN and prop.type == "PBARL":
         return plates(OPEN[shape](*d))
-    known = ["ROD", "TUBE", "TUBE2", "BAR", "BOX", "I", *(OPEN if prop.type == "PBARL" else ())]
+    more = ("BOX1", "HEXA", *OPEN) if prop.type == "PBARL" else ()
+    known = ["ROD", "TUBE", "TUBE2", "BAR", "BOX", "I", *more]
     raise BodyError(f"shape {shape} is not supported ({', '.join(dict.fromkeys(known))} are)")

@@ -74,7 +74,11 @@ class Welds:
         self._pwelds = {row[1]: row for row in deck.rejected("PWELD")}
         self._at_node: dict[int, dict[int, set[int]]] = {}  #: by property, its faces at a node
         welds = [self._fastener(number, element) for number, element in elements.fasteners]
-        welds += [self._weld(fields) for fields in deck.rejected("CWELD")]
+        cards = deck.rejected("CWELD")
+        welds += [self._weld(fields) for fields in cards if fields[4].upper() != "ALIGN"]
+        for fields in cards:
+            if fields[4].upper() == "ALIGN":
+                self._align(fields)
         sides = (0, 1)
         feet = [self._on_sheets([w.sheets[k] for w in welds], [w.where[k : k + 1] for w in welds])
                 for k in sides]  # fmt: skip
@@ -167,6 +171,10 @@ class Welds:
     def _weld(self, fields: list[str]) -> Weld:
         number, kind = int(fields[1]), fields[4].upper()
         where = self._place("CWELD", number, fields[3], fields[5], fields[6])
+        if kind == "GRIDID":
+            faces = [self._of_grids(number, fields, side) for side in (0, 1)]
+            prop, diameter = self._pweld(number, fields[2])
+            return Weld("CWELD", number, where, ([faces[0]], [faces[1]]), diameter, prop, 0.0)
         if kind not in ("PARTPAT", "ELPAT", "ELEMID"):
             raise self.deck.refuse("CWELD", number, f"{kind or 'its form'} is not supported")
         ids = [int(word) for word in fields[9:11] if word]
@@ -177,27 +185,42 @@ class Welds:
             if kind == "PARTPAT"
             else [self._patch("CWELD", number, eid, kind == "ELEMID") for eid in ids]
         )
-        prop = self._pwelds.get(fields[2])
-        if prop is None:
-            raise self.deck.refuse("CWELD", number, f"there is no PWELD {fields[2]}")
+        prop, diameter = self._pweld(number, fields[2])
         length = 0.0
         if prop[8].upper() == "SPOT":
             length = sum(self._thickness(number, i, kind != "PARTPAT") for i in ids) / 2
-        diameter = self._size("CWELD", number, prop[3])
         return Weld("CWELD", number, where, (sheets[0], sheets[1]), diameter, prop, length)
+
+    def _pweld(self, number: int, pid: str) -> tuple[list[str], float]:
+        """Fields of a PWELD, and its diameter."""
+        prop = self._pwelds.get(pid)
+        if prop is None:
+            raise self.deck.refuse("CWELD", number, f"there is no PWELD {pid}")
+        return prop, self._size("CWELD", number, prop[3])
+
+    def _of_grids(self, number: int, fields: list[str], side: int) -> Ints:
+        """The face of a CWELD by its grids (GRIDID): SPTYP says of each side whether it has three
+        or four corners; those in the middle of edges do not count."""
+        kinds = fields[7].upper()
+        if len(kinds) < 2 or set(kinds) - {"Q", "T"}:
+            raise self.deck.refuse("CWELD", number, f"SPTYP {kinds or '(none)'} is not supported")
+        first = 9 + 8 * side
+        grids = fields[first : first + (4 if kinds[side] == "Q" else 3)]
+        if not grids or not all(grids):
+            raise self.deck.refuse("CWELD", number, f"corners of {'AB'[side]} are missing")
+        return np.array([self.deck.at(int(n)) for n in grids])
+
+    def _align(self, fields: list[str]) -> None:
+        """A CWELD between two grids of the shells themselves (ALIGN)."""
+        number = int(fields[1])
+        where = self._place("CWELD", number, None, fields[5], fields[6])
+        prop, diameter = self._pweld(number, fields[2])
+        nodes = [self.deck.at(int(n)) + 1 for n in fields[5:7]]
+        weld = Weld("CWELD", number, where, ([], []), diameter, prop, 0.0)
+        self._between(weld, where, np.eye(3)[0], nodes)
 
     def _add(self, weld: Weld, feet: list[tuple[Floats, Floats]], met: list[list[Share]]) -> None:
         """Nodes at both feet (places and normals), and what is between them."""
-        diameter = weld.diameter
-        line = feet[1][0] - feet[0][0]
-        length = float(np.linalg.norm(line))
-        x = line / length if length > 1e-6 * diameter else feet[0][1]
-        y = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
-        y /= np.linalg.norm(y)
-        axes = np.kron(np.eye(2), np.array([x, y, np.cross(x, y)]))
-        stiffness, mass, loss = (
-            self._beam(weld, diameter, length) if weld.card == "CWELD" else self._springs(weld)
-        )
         ends = []
         for (place, _), around in zip(feet, met, strict=True):
             self.elements.ends.append(place)
@@ -205,6 +228,21 @@ class Welds:
             self.nodes.append(node)
             ends.append(node)
             self._follow(weld, node, place, around)
+        self._between(weld, np.array([feet[0][0], feet[1][0]]), feet[0][1], ends)
+
+    def _between(self, weld: Weld, places: Floats, normal: Floats, ends: list[int]) -> None:
+        """The spring and the mass between two nodes, from 1; ``normal``: where both are in one
+        place."""
+        diameter = weld.diameter
+        line = places[1] - places[0]
+        length = float(np.linalg.norm(line))
+        x = line / length if length > 1e-6 * diameter else normal
+        y = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
+        y /= np.linalg.norm(y)
+        axes = np.kron(np.eye(2), np.array([x, y, np.cross(x, y)]))
+        stiffness, mass, loss = (
+            self._beam(weld, diameter, length) if weld.card == "CWELD" else self._springs(weld)
+        )
         name = f"{weld.card.lower()}{weld.number}"
         entry: dict[str, Any] = {"nodes": [ends[0]], "to_nodes": [ends[1]]}
         entry["stiffness"] = (axes.T @ np.diag(stiffness) @ axes).tolist()
