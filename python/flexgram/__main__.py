@@ -99,7 +99,8 @@ def main(arguments: list[str] | None = None) -> int:
             epilog=f"example:\n  {example}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        describe(command)
+        if words[:1] == [name]:  # options of others need modules that take time to load
+            describe(command)
         work[name], parsers[name] = run, command
     helps = ("-help", "--help-all")
     if words[:1] == ["import"] and {"-h", "--help"} & set(words):

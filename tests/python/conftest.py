@@ -21,6 +21,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from _pytest.assertion import util as assertions
 
 from others import SHARED, shared_case
 from referee import System, suspicious
@@ -69,6 +70,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if _function(item.nodeid) in SLOW:
             item.add_marker(pytest.mark.slow)
+
+
+def _bounded(difference: Callable[..., list[str]]) -> Callable[..., list[str]]:
+    """No difference of pages of some megabytes: pytest takes hours for one."""
+
+    def short(left: str, right: str, *more: Any) -> list[str]:
+        if len(left) + len(right) > 20_000:
+            return ["(too long to say where they differ)"]
+        return difference(left, right, *more)
+
+    return short
+
+
+if hasattr(assertions, "_diff_text"):
+    assertions._diff_text = _bounded(assertions._diff_text)
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

@@ -16,8 +16,10 @@ import matplotlib
 import numpy as np
 import pytest
 from programs.run_example import run_example
+from test_importers import write_deck
 
 import flexgram
+from bodies import box
 from conftest import ENVIRONMENT, PYTHON, ROOT, run
 
 matplotlib.use("Agg")
@@ -85,6 +87,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     t = np.linspace(0, 1, 401)
     rows = np.column_stack([t, 50 * np.sin(2 * np.pi * 20 * t) * np.sin(np.pi * t) ** 2])
     np.savetxt(place / "loads.csv", rows, delimiter=",", header="t,upper.fx", comments="")
+    write_deck(place / "bar.inp", mesh=box("tetra10", (4, 1, 1)))
+    np.savetxt(place / "motion.csv", np.column_stack([t, np.ones((401, 4))]), delimiter=",")
     return place
 
 

@@ -209,6 +209,17 @@ def test_what_is_not_followed(
         assemble_deck(path, tmp_path / "bar.h5", EYE)
 
 
+def test_what_is_not_linear_is_told(tmp_path: Path) -> None:
+    path = deck(tmp_path / "bar.inp", "C3D10")
+    text = path.read_text()
+    path.write_text(text.replace("*DENSITY", "*PLASTIC\n2e8, 0.\n*DENSITY", 1))
+    facts = assemble_deck(path, tmp_path / "bar.h5", EYE)
+    assert "*PLASTIC left out: the reduced body is linear" in facts["remarks"]
+    path.write_text(text)
+    facts = assemble_deck(path, tmp_path / "bar.h5", EYE)
+    assert not any("linear" in line for line in facts["remarks"])
+
+
 def test_surfaces_of_gmsh(tmp_path: Path) -> None:
     """Elements of planes without a section bound the solids: K and M do not change."""
     path = deck(tmp_path / "bar.inp", "C3D10")

@@ -85,12 +85,12 @@ def test_the_report_shows_it(folder: Path, tmp_path: Path) -> None:
     t = np.linspace(0, 0.1, 101)
     loads = np.column_stack([t, np.sin(300 * t)])
     np.savetxt(tmp_path / "l.csv", loads, delimiter=",", header="t,rod.b.fz", comments="")
-    left = write_report(tmp_path / "ab.rom.h5", tmp_path / "ab.html", loads=tmp_path / "l.csv")
+    made = write_report(tmp_path / "ab.rom.h5", tmp_path / "ab.html", loads=tmp_path / "l.csv")
     page = (tmp_path / "ab.html").read_text()
     assert "<h1>arm with rod, reduced</h1>" in page
     if libraries():
-        assert "<h2>The assembly</h2>" in page and not any("shapes" in words for words in left)
-        assert not any("in space" in words for words in left)
+        assert "<h2>The assembly</h2>" in page and not any("shapes" in words for words in made.left)
+        assert not any("in space" in words for words in made.left)
     run("report", tmp_path / "ab.rom.h5", "-o", tmp_path / "again.html")
     parts = {n: ReducedModel.load(folder / f"{n}.rom.h5") for n in ("arm", "rod")}
     parts["rod"].path = None

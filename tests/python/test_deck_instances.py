@@ -103,13 +103,13 @@ def test_two_instances_are_a_flat_deck(ranks: int, tmp_path: Path) -> None:
 def test_names_and_numbers(tmp_path: Path) -> None:
     """Sets of one instance by their own name, and by the instance's; numbers of the second."""
     path = deck(tmp_path / "a.inp")
-    for where, nodes in (
-        ("NSET:Box-1.Root", [0, 1, 2, 3]),
-        ("NSET:Box-2.Root", [12, 13, 14, 15]),
-        ("NSET:Side", [8, 9, 10, 11]),
-        ("NODES:103", [14]),
+    for coupling, where, nodes in (
+        ("distributing", "NSET:Box-1.Root", [0, 1, 2, 3]),
+        ("distributing", "NSET:Box-2.Root", [12, 13, 14, 15]),
+        ("rigid", "NSET:Side", [8, 9, 10, 11]),
+        ("node", "NODES:103", [14]),
     ):
-        assemble_deck(path, tmp_path / "b.h5", [parse("rigid", f"port={where}")])
+        assemble_deck(path, tmp_path / "b.h5", [parse(coupling, f"port={where}")])
         with h5py.File(tmp_path / "b.h5") as file:
             assert file["interfaces/port/nodes"][:].tolist() == nodes
 

@@ -245,7 +245,7 @@ def test_what_a_bolt_of_beams_counts(tmp_path: Path) -> None:
             name: {"coupling": "rigid", "nodes": nodes}
             for name, nodes in zip(("left", "right"), ends, strict=True)
         },
-        "supports": {"foot": {"nodes": [n + 2], "components": ["y", "z"]}},
+        "supports": {"foot": {"nodes": [n + 2], "components": ["x", "y", "z", "rx", "ry", "rz"]}},
         "loads": {
             "bolt": {"type": "pretension", "nodes": [n + 1, n + 2, n + 3], "axis": [1, 0, 0]}
         },

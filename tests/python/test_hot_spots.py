@@ -48,7 +48,14 @@ def test_hot_spots(tmp_path: Path) -> None:
     assert abs(hot_spots(rom, 1, inputs=["end.fy"])[0].place[0] - mesh.points[:, 0].min()) < 0.02
     said = run("hotspots", rom_file, "--count", "2").out
     assert f"spot1: {{type: stress, nodes: [{spots[0].node}]}}" in said
-    assert "or by the import: --measure NAME=stress:AT:x,y,z" in said
+    at = ",".join(f"{x:.8g}" for x in spots[0].place)
+    assert f"of files in SI:\n  --measure spot1=stress:AT:{at}\n" in said
+    still = hot_spots(rom, 1, inputs=["end.fy"], hertz=0.0)[0]
+    q = np.linalg.solve(rom.K, rom.B[:, rom.inputs.index("end.fy")])
+    of_nodes = von_mises(rom.stress(q, body)[0])
+    assert still.hertz == 0 and still.stress == pytest.approx(np.nanmax(of_nodes), rel=1e-9)
+    said = run("hotspots", rom_file, "--count", "1", "--input", "end.fy", "--hz", "0").out
+    assert f"{still.stress:.4g} N/m² per N of end.fy, at 0 Hz" in said
     assert "nothing is claimed of these numbers" in said
     with pytest.raises(BodyError, match="there is no input gas"):
         hot_spots(rom, inputs=["gas"])

@@ -111,7 +111,7 @@ def test_a_mesh_in_python(tmp_path: Path) -> None:
 
     mesh = box("tetra10", distort=False)
     meshio.write(tmp_path / "box.vtu", mesh)
-    ends = {"near": "rigid BOX:-1,-1,-1,1e-9,9,9", "far": "distributing AT:0.1,0,0"}
+    ends = {"near": "rigid BOX:-1,-1,-1,1e-9,9,9", "far": "node AT:0.1,0,0"}
     facts = flexgram.import_mesh(tmp_path / "box.vtu", tmp_path / "b.h5", "steel", ends, eta=0.01)
     assert facts["interfaces"]["near"]["position"] == pytest.approx([0, 0.01, 0.015])
 

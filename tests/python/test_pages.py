@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import yaml
+from test_importers import write_deck
 
 import flexgram
 from bodies import box
@@ -113,6 +114,7 @@ def test_a_lever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     command = shell("docs/meshes.md", "flexgram import lever.msh")
     in_bash(command.replace("lever.msh", "lever.inp"), tmp_path)
     text = next(text for _, text in blocks("docs/python.md") if "import_mesh" in text)
+    write_deck(tmp_path / "part.inp", mesh=mesh)
     exec(text.replace("lever.msh", "lever.inp"), {"flexgram": flexgram})
     rom = flexgram.reduce("lever.h5", (10, 500), 1e-2)
     assert {name.split(".")[0] for name in rom.inputs} == {"eye", "foot"}
@@ -279,6 +281,11 @@ def test_a_body_in_exudyn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     in_bash(re.search(r"`(flexgram export\s+part.rom.h5[^`]*)`", text)[1], tmp_path)  # type: ignore
     monkeypatch.chdir(tmp_path)
     exec(next(text for language, text in blocks("docs/multibody.md") if language == "python"), {})
+    t = np.linspace(0, 0.01, 40)
+    order = flexgram.ReducedModel.load("part.rom.h5").elastic().order
+    q = np.outer(np.sin(2000 * t), np.full(order, 1e-6))
+    np.savetxt("q.csv", np.column_stack([t, q]), delimiter=",")
+    in_bash(shell("docs/multibody.md", "flexgram report"), tmp_path)
 
 
 def test_programs_of_matrices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -155,9 +156,14 @@ class _Residuals:
     before: _Values  #: W_B (1 - Q H_m)
     after: _Values  #: W_C (1 - H_m Q)ᵀ
 
+    @cached_property
+    def gain(self) -> Floats:
+        """Of the loop, (2, pieces)."""
+        return self.loop.norms(2)
+
     def error(self, view: View) -> tuple[Floats, Floats]:
         """Of an assembly at most, and the gain, (2, pieces) each."""
-        gain = self.loop.norms(2)
+        gain = self.gain
         before, after = self.before.columns(view.columns), self.after.columns(view.rows)
         sizes = np.minimum(before.norms() * after.norms(2), before.norms(2) * after.norms())
         closed = gain < 1

@@ -39,10 +39,7 @@ def parameters_of(
     law: Varying
     for name, law in [*of_parts, *(pair for joint in joints for pair in joint.parameters.items())]:
         if not isinstance(law, (Parameter, Product)):
-            raise BodyError(
-                f"{name} is a range of speeds, and assemblies take bodies with one: "
-                "model.at(speed=...), or flexgram at"
-            )
+            raise BodyError(f"{name} is a range of speeds: assemblies take bodies that do not turn")
         if name in found:
             raise BodyError(
                 f"two parameters of the assembly are named {name}: two springs at one interface "

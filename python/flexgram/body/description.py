@@ -60,6 +60,11 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
     except OSError as error:
         raise BodyError(f"{path}: {error.strerror}") from None
     except yaml.YAMLError as error:
+        if path.suffix.lower() not in (".yaml", ".yml"):
+            raise BodyError(
+                f"{path}: not a description in YAML; flexgram.import_mesh takes a mesh, and "
+                "flexgram.import_deck a deck with its materials"
+            ) from None
         raise BodyError(f"{path}: not YAML: {error}") from None
     if not isinstance(content, dict):
         raise BodyError(

@@ -1,4 +1,4 @@
-"""Warnings of an import: parts that nothing joins, hinges of shells and beams, some stress."""
+"""Warnings and refusals of an import: loose parts, hinges, impossible interfaces, some stress."""
 
 from __future__ import annotations
 
@@ -7,16 +7,27 @@ from collections.abc import Sequence
 import h5py
 import numpy as np
 
-from flexgram.basics import Floats, Ints
+from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.constraints import Constraints
 from flexgram.body.discrete import joined_nodes
-from flexgram.body.meshfile import SHELLS
+from flexgram.body.meshfile import SHELLS, TURNING
 from flexgram.body.reader import LOSS, Reader
 from flexgram.body.whole import Block, Parts, doubts_of_parts
 
 
+def parts_of(file: h5py.File, count: int, elements: Sequence[Block]) -> Parts:
+    """Parts of a body of ``count`` nodes, by what joins them."""
+    nodes = [
+        group["nodes"][:]
+        for group in file["interfaces"].values()
+        if group.attrs["coupling"] == "rigid"  # the others follow their nodes
+    ]
+    joined = [*nodes, *joined_nodes(file), *Constraints.of(file).joined()]
+    return Parts.of(count, elements, joined)
+
+
 def doubts_of_joints(
-    file: h5py.File, points: Floats, elements: Sequence[Block], used: Ints, held: Sequence[Ints]
+    file: h5py.File, points: Floats, parts: Parts, used: Ints, held: Sequence[Ints]
 ) -> list[str]:
     """Parts that nothing joins, and rigid interfaces that leave nothing elastic.
 
@@ -26,17 +37,14 @@ def doubts_of_joints(
         Body file with its interfaces, constraints, masses and springs.
     points : (N, 3) array
         In the mesh's own units.
-    elements : sequence of Block
+    parts : Parts
     used : (n,) int array
         Nodes of the body.
     held : sequence of int arrays
         Nodes of each support.
     """
     nodes = {name: group["nodes"][:] for name, group in file["interfaces"].items()}
-    constraints = Constraints.of(file)
-    supported = np.concatenate([*held, constraints.holding])
-    joined = [*nodes.values(), *joined_nodes(file), *constraints.joined()]
-    parts = Parts.of(len(points), elements, joined)
+    supported = np.concatenate([*held, Constraints.of(file).holding])
     found = doubts_of_parts(points, parts, nodes, supported)
     for name, group in file["interfaces"].items():
         if group.attrs["coupling"] == "rigid" and np.isin(used, nodes[name]).all():
@@ -84,3 +92,46 @@ def doubts_of_stress(file: h5py.File, reader: Reader) -> list[str]:
                 "beside these"
             )
     return found
+
+
+def expect_possible_interfaces(
+    file: h5py.File, points: Floats, elements: Sequence[Block], alone: Ints
+) -> None:
+    """Nodes without rotations carry moments unless they lie on a line, and a rigid interface
+    moves all of its nodes: no support holds one. ``points`` as in the mesh; ``alone``: nodes
+    without elements.
+
+    Raises
+    ------
+    BodyError
+        Naming the interface.
+    """
+    kinds = [block.nodes.ravel() for block in elements if block.kind in TURNING]
+    turn = np.unique(np.concatenate([*kinds, alone.ravel()]))
+    for name, group in file["interfaces"].items():
+        coupling, nodes = group.attrs["coupling"], group["nodes"][:]
+        if coupling == "node" and len(nodes) > 1:
+            raise BodyError(
+                f"interface {name}: coupling node is of one node, and it has {len(nodes)}; a rigid "
+                "or a distributing one takes them all"
+            )
+        if coupling != "node" and not np.isin(nodes, turn).any():
+            places = points[nodes] - points[nodes].mean(axis=0)
+            sizes = [*np.linalg.svd(places, compute_uv=False), 0.0]
+            if not sizes[1] > 1e-9 * sizes[0]:
+                raise BodyError(
+                    f"interface {name} has {len(nodes)} node{'s' * (len(nodes) > 1)} in a line or "
+                    "a point, which carry no moment: nodes of solids do not turn. Take those of a "
+                    "face, or one node with its own dofs (--node, coupling: node)"
+                )
+        if coupling != "rigid":
+            continue
+        for support, entry in file.get("supports", {}).items():
+            shared = np.intersect1d(group["nodes"][:], entry["nodes"][:])
+            if len(shared):
+                raise BodyError(
+                    f"interface {name} and support {support} share {len(shared)} nodes, such "
+                    f"as {shared[0] + 1}: what is held cannot move as a rigid interface. Leave "
+                    "the interface out (the forces of a support are an output, --measure "
+                    "NAME=reaction:WHERE), or the support"
+                )

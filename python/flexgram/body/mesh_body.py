@@ -23,6 +23,8 @@ from flexgram.body.doubts import (
     doubts_of_hinges,
     doubts_of_joints,
     doubts_of_stress,
+    expect_possible_interfaces,
+    parts_of,
 )
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
@@ -37,7 +39,14 @@ from flexgram.body.selection import in_box, nearest
 from flexgram.body.shells import doubts_of_shells, first_axis
 from flexgram.body.spin import write_spin
 from flexgram.body.universal_mesh import LEFT_OUT
-from flexgram.body.whole import Block, doubts_of_units, expect_no_repeats, merged_nodes, summary
+from flexgram.body.whole import (
+    Block,
+    doubts_of_units,
+    expect_no_repeats,
+    free_in,
+    merged_nodes,
+    summary,
+)
 
 
 class MeshBody:
@@ -83,6 +92,7 @@ class MeshBody:
         """Write all of it; returns the counts of ``import_body``."""
         file, reader = self.file, self.reader
         file.attrs["name"] = str(reader.get("name", reader.where))
+        file.attrs["units"] = reader.get("units", "SI")
         self._divide_second_order()
         file["mesh/points"] = self.points * self.length
         file["mesh"].attrs["mass_integration"] = reader.choice(
@@ -100,6 +110,7 @@ class MeshBody:
         self._write_nodes_alone()
         interfaces = self._write_interfaces()
         held = self._write_supports()
+        expect_possible_interfaces(file, self.points, self.elements, self.alone)
         blocks = [(block.kind, block.nodes) for block in self.elements]
         placed = [*blocks, (ALONE, self.alone)]
         constraints = write_constraints(
@@ -113,9 +124,14 @@ class MeshBody:
         )
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
         doubts = doubts_of_shells(file, self.points, self.elements)
+        parts = parts_of(file, len(self.points), self.elements)
         for name in set(write_preload(file, reader, [*interfaces, *loads])) & set(loads):
             loads[name] += ", of the preload: no input"
         preload = said_of_preload(file)
+        if preload and (free := free_in(file)):
+            raise BodyError(
+                f"{self.reader.where}: a preload needs supports: {free} of 6 rigid motions are free"
+            )
         write_spin(file, reader, self.length)
         for key, value in damping.described(reader).items():
             file.attrs[key] = value
@@ -130,12 +146,16 @@ class MeshBody:
             "extent": extent,
             "units": reader.get("units", "SI"),
             "kinds": sorted({kind for kind, _ in blocks}),
-            "summary": [*summary(file), *discrete, *constraints, *preload, *notes],
+            "summary": [
+                *summary(file, len(parts.nodes)),
+                *discrete,
+                *constraints,
+                *preload,
+                *notes,
+            ],
             "warnings": [
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
-                *doubts_of_joints(
-                    file, self.points, self.elements, np.flatnonzero(self.used), held
-                ),
+                *doubts_of_joints(file, self.points, parts, np.flatnonzero(self.used), held),
                 *doubts_of_hinges(file, reader, self.elements),
                 *doubts_of_stress(file, reader),
                 *doubts_of_gravity(file, self.length),
@@ -283,7 +303,8 @@ class MeshBody:
             known = ", ".join(sorted({*self.cells, *self.mesh.point_sets} - {"all"})) or "none"
             raise BodyError(
                 f"{self.reader.where}: no interface is named, and a body without one has nothing "
-                f"to reduce; parts and node sets of the mesh are {known}"
+                f"to reduce: --rigid NAME=NSET:SET, or interfaces: in YAML; parts and node sets of "
+                f"the mesh are {known}"
             )
         for order, (name, data) in enumerate(self.reader.children("interfaces").items()):
             entry = Reader(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import io
 import re
 from pathlib import Path
@@ -78,8 +79,7 @@ def read_mesh(path: Path) -> meshio.Mesh:
         raise BodyError(
             f"mesh {path}: meshio cannot read it ({words or type(error).__name__})"
             + (
-                "; a deck of solids is read by --assemble or --run-ccx; of gmsh's own .inp save "
-                "the volumes alone (physical groups), or save .msh"
+                "; --assemble and --run-ccx read decks of solids; from gmsh, save .msh"
                 if path.suffix.lower() == ".inp"
                 else ""
             )
@@ -156,7 +156,11 @@ def node_set(mesh: meshio.Mesh, regions: dict[str, list[Ints]], name: str) -> In
         return np.unique(np.asarray(mesh.point_sets[name], dtype=np.int64))
     if name not in regions:
         known = sorted({*regions, *mesh.point_sets} - {"all"})
-        raise BodyError(f"there is no node set {name}; the mesh has {', '.join(known) or 'none'}")
+        near = difflib.get_close_matches(name, known, 1, 0.7)
+        hint = f", did you mean {near[0]}?" if near else ";"
+        raise BodyError(
+            f"there is no node set {name}{hint} the mesh has {', '.join(known) or 'none'}"
+        )
     used = [mesh.cells[b].data[cells].ravel() for b, cells in enumerate(regions[name])]
     nodes: Ints = np.unique(np.concatenate(used)).astype(np.int64)
     return nodes

@@ -15,6 +15,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.constraints import Constraints
+from flexgram.body.faces import middle_of
 from flexgram.body.loads import AXES, BodyMesh, write_vectors
 from flexgram.body.meshfile import SOLIDS, TURNING
 from flexgram.body.reader import Reader, short
@@ -54,7 +55,7 @@ def _write_reaction(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
         )
     if not len(nodes):
         raise BodyError(f"{entry.where}: no support holds any of the {len(chosen)} nodes")
-    point = entry.vector("point", points[nodes].mean(axis=0))
+    point = entry.vector("point", middle_of(points, mesh.blocks, nodes).position)
     arms = points[nodes] - point
     size = np.ptp(points, axis=0).max()
     axes = [a for a in range(3) if held[nodes, a].any()]

@@ -59,6 +59,7 @@ def nearest(
             there = ", ".join(f"{x:.6g}" for x in points[found])
             doubt(
                 f"{place}: the nearest node is {distance[found]:.3g} away, at ({there}); its "
-                f"neighbours are {spacing:.3g} from it. Are these the units of the files?"
+                f"neighbours are {spacing:.3g} from it. Are these the units of the files? (A "
+                "bore has no node on its axis: take its set, or a box.)"
             )
     return found

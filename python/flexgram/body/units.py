@@ -24,6 +24,8 @@ DENSITY = (20.0, 5e4)
 EXTENT = (1e-5, 300.0)
 
 
+#: Largest extent [m] of a part in millimetres below which that is doubted.
+SMALLEST = 2e-3
 #: E [N/m²] and rho [kg/m³] of steel.
 STEEL = (2.1e11, 7850.0)
 
@@ -58,9 +60,11 @@ def doubt(system: str, speed: float, density: float, extent: float) -> str | Non
     str or None
         None where nothing speaks against it.
     """
-    if plausible(system, speed, density, extent):
-        return None
     length, mass, force = UNITS[system]
+    if plausible(system, speed, density, extent):
+        if length < 0.01 and extent * length < SMALLEST:
+            return f"the part measures {1e3 * extent * length:.3g} mm: is its mesh in metres?"
+        return None
     fits = [name for name in UNITS if plausible(name, speed, density, extent)]
     hint = f"are the files in {' or '.join(fits)} (--units)?" if fits else "are the units right?"
     if system != "SI" and _is_material("SI", speed, density) and _is_extent(system, extent):

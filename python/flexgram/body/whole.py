@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from flexgram.basics import BodyError, Floats, Ints
-from flexgram.body.constraints import Constraints
+from flexgram.body.constraints import COMPONENTS, Constraints
 from flexgram.body.discrete import Places
 from flexgram.body.free_motions import alone_in, free_motions, springs_of
 from flexgram.body.meshfile import SHELLS
@@ -257,23 +257,49 @@ def doubts_of_units(file: h5py.File, system: str, extent: Floats) -> list[str]:
     return found
 
 
-def summary(file: h5py.File) -> list[str]:
-    """What to check in a mesh body, in lines: mass, free motions, materials, damping, all in SI."""
-    facts = mass_facts(file)
-    at = ", ".join(f"{x:.6g}" for x in facts.centre)
-    inertia = ", ".join(f"{x:.6g}" for x in np.diag(facts.inertia))
-    points = file["mesh/points"][:]
+def words_of_inertia(inertia: Floats) -> str:
+    """Moments of inertia, (3, 3) [kg m²], and their products where there are some."""
+    said = "xx, yy, zz " + ", ".join(f"{x:.6g}" for x in np.diag(inertia)) + " kg m²"
+    products = inertia[[0, 1, 2], [1, 2, 0]]
+    if np.abs(products).max() > 1e-6 * np.abs(np.diag(inertia)).max():
+        said += "; xy, yz, zx " + ", ".join(f"{x:.4g}" for x in products)
+    return said
+
+
+def free_in(file: h5py.File) -> int:
+    """How many rigid motions of a mesh body nothing holds."""
     held = [
         (group["nodes"][:], [int(c) for c in np.ravel(group.attrs["components"])])
         for group in file.get("supports", {}).values()
     ]
-    constraints = Constraints.of(file)
-    free = free_motions(points, held, springs_of(file), constraints, alone_in(file))
-    lines = [
-        f"mass {facts.mass:.6g} kg, centre ({at}) m, inertia about it {inertia} kg m²",
-        f"{free} of 6 rigid motions are free",
+    points, constraints = file["mesh/points"][:], Constraints.of(file)
+    return free_motions(points, held, springs_of(file), constraints, alone_in(file))
+
+
+def _said_of_supports(file: h5py.File) -> list[str]:
+    """How many nodes each support holds, and in which directions."""
+    names = list(COMPONENTS)
+    return [
+        f"support {name}: {len(group['nodes'])} nodes held in "
+        + ", ".join(names[int(c)] for c in np.ravel(group.attrs["components"]))
+        for name, group in file.get("supports", {}).items()
     ]
-    if dependent := len(constraints.dependent):
+
+
+def summary(file: h5py.File, parts: int = 1) -> list[str]:
+    """What to check in a mesh body, in lines: mass, free motions, materials, damping, all in SI.
+    ``parts``: how many the mesh has that nothing joins."""
+    facts = mass_facts(file)
+    at = ", ".join(f"{x:.6g}" for x in facts.centre)
+    inertia = words_of_inertia(facts.inertia)
+    free = free_in(file)
+    lines = [
+        f"mass {facts.mass:.6g} kg, centre ({at}) m, inertia about it {inertia}",
+        f"{free} of 6 rigid motions are free"
+        + (f" of the mesh as one body; it has {parts} parts that nothing joins" * (parts > 1)),
+        *_said_of_supports(file),
+    ]
+    if dependent := len(Constraints.of(file).dependent):
         lines.append(f"{dependent} dependent dofs follow others, by equations and ties")
     for name, material in file.get("materials", {}).items():
         a = material.attrs

@@ -119,7 +119,13 @@ def _report_options(parser: argparse.ArgumentParser) -> None:
         "--loads",
         type=Path,
         help="CSV of a load history, t,port,...: its spectrum against the band, and what the claim "
-        "says of the response to it",
+        "says of the response to it; the stress of that from rest",
+    )
+    parser.add_argument(
+        "--motion",
+        type=Path,
+        help="elastic coordinates over time that a multibody code wrote, a line t,q1,q2,... for "
+        "each moment (the file of EXUDYN's SensorNode): the stress of that motion",
     )
     parser.add_argument(
         "--measured", type=Path, help="universal file of a test: its modes beside the body's"
@@ -130,24 +136,40 @@ def _report_options(parser: argparse.ArgumentParser) -> None:
 def _report(options: argparse.Namespace) -> None:
     from flexgram.pictures.report import write_report
 
-    for line in write_report(
+    made = write_report(
         options.rom,
         options.output,
         body=options.body,
         sweep=options.sweep,
         ports=_pairs(options.port),
         loads=options.loads,
+        motion=options.motion,
         measured=options.measured,
-    ):
+    )
+    for line in made.left:
         say(f"  left out {line}")
-    if options.loads is not None:
-        from flexgram.reduced_model import ReducedModel
-        from flexgram.simulation.histories import judge, read_history
-
-        model = ReducedModel.load(options.rom, basis=False)
-        for words in judge(model, *read_history(options.loads, model.inputs)).words:
-            say(f"  {words}")
+    for words in made.told:
+        say(f"  {words}")
     say(f"  wrote {options.output}")
+
+
+#: Closed formats of multibody codes, and what others may lead there.
+CLOSED = {
+    **dict.fromkeys(("mnf", "adams"), "Adams"),
+    **dict.fromkeys(("rfi", "recurdyn"), "RecurDyn"),
+    **dict.fromkeys(("fbi", "simpack"), "Simpack"),
+}
+
+
+def _format(word: str) -> str:
+    """The name of a format, in small letters."""
+    name = word.lower()
+    if name in CLOSED:
+        raise argparse.ArgumentTypeError(
+            f"{word}: the flexible bodies of {CLOSED[name]} are closed files, which flexgram does "
+            "not write; it may import op4, nastran, sid or fmu (not tried; docs/exports.md)"
+        )
+    return name
 
 
 def _export_options(parser: argparse.ArgumentParser) -> None:
@@ -158,6 +180,7 @@ def _export_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--to",
         required=True,
+        type=_format,
         choices=FORMATS,
         help="; ".join(f"{name}: {what}" for name, (what, *_) in FORMATS.items()),
     )
@@ -235,7 +258,11 @@ def _export(options: argparse.Namespace) -> None:
                 "coordinates and velocities"
             )
     target = export(model, options.output, options.to, **extra)
-    say(f"  wrote {target}: {model}")
+    say(f"  wrote {target}: order {model.order}, {len(model.inputs)} inputs, {model.claim}")
+    for warning in model.provenance.warnings:
+        say(f"  warning of the reduction: {warning}")
+    if options.to in ("fmu", "fmu3", "state-space") and model.frame.rigid_modes:
+        say("  note: the file holds for small motions and small rotations of this free body")
 
 
 def _at_options(parser: argparse.ArgumentParser) -> None:
@@ -260,7 +287,7 @@ def _at(options: argparse.Namespace) -> None:
             raise BodyError(f"{word}: expected NAME=VALUE") from None
     one = model.at(**values)
     one.save(options.output)
-    say(f"  wrote {options.output}: {one}")
+    say(f"  wrote {options.output}: order {one.order}, {one.claim}")
 
 
 def _info_options(parser: argparse.ArgumentParser) -> None:
@@ -313,7 +340,7 @@ COMMANDS: dict[
         _info,
     ),
     "view": (
-        "body, mesh or reduced file -> shown in the browser, to be turned",
+        "show a body, a mesh or a reduced body in the browser",
         "flexgram view out/rack.h5\n  flexgram view lever.msh\n  flexgram view out/rack.rom.h5",
         view_options,
         run_view,
@@ -340,7 +367,7 @@ COMMANDS: dict[
         _export,
     ),
     "at": (
-        "reduced file of a body with parameters -> that with values of them",
+        "reduced file of a body with parameters -> the same at given values",
         "flexgram at mounts.rom.h5 E_rubber=2e6 -o soft.rom.h5",
         _at_options,
         _at,
@@ -365,7 +392,7 @@ COMMANDS: dict[
         run_frf,
     ),
     "modes": (
-        "natural modes of a body, beside measured ones: table, universal file, MAC",
+        "natural modes of a body, compared with measured ones: table, universal file, MAC",
         "flexgram modes rom.h5 -o modes.unv\n"
         "  flexgram modes body.h5 --band 10,500\n"
         "  flexgram modes rom.h5 --measured test.unv -o mac.png",

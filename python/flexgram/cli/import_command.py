@@ -38,8 +38,6 @@ MESHES = (
 )
 
 
-#: Endings of Nastran bulk data, for --assemble.
-BULK_DATA = (".bdf", ".nas", ".dat")
 #: Options of files of matrices, of decks, and of any body, which YAML has in itself.
 OF_FILES = (
     *("format", "deck", "mass", "damping", "inputs", "mapping"),
@@ -240,46 +238,6 @@ def _names(words: str | None) -> dict[str, str] | None:
     return {role.strip().upper(): name.strip() for role, _, name in pairs}
 
 
-def _lengths(numbers: Any) -> str:
-    return " × ".join(f"{x:.4g}" for x in numbers)
-
-
-def _interface(facts: dict[str, Any]) -> str:
-    """An interface in a line: coupling, nodes, and where its reference is and why there."""
-    at = ", ".join(f"{x:.6g}" for x in facts["position"])
-    why = f": {facts['middle']}" if facts["middle"] else ""
-    return f"{facts['coupling']}, {facts['nodes']} nodes, reference at ({at}) m{why}"
-
-
-def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
-    say(f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements")
-    say(f"  it measures {_lengths(counts['extent'])} m")
-    for name, facts in counts["interfaces"].items():
-        say(f"  interface {name}: {_interface(facts)}")
-        if facts["distance"] > 3 and facts["nodes"] > 1:
-            say(
-                f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
-                "its node set away from its middle: right units?"
-            )
-    for line in counts["summary"]:
-        say(f"  {line}")
-    for kind in ("loads", "outputs"):
-        for name, what in counts[kind].items():
-            say(f"  {kind[:-1]} {name}: {what}")
-    if {"tetra"} & set(counts["kinds"]):
-        say("  note: linear tetrahedra are too stiff; second-order ones (tetra10) converge faster")
-    if {"triangle"} & set(counts["kinds"]):
-        say(
-            "  note: triangles of shells are too stiff in their plane, where webs and stiffeners "
-            "bend; quadrilaterals converge faster (gmsh: Mesh.RecombineAll)"
-        )
-    if max(counts["extent"]) > 15 and counts["units"] == "SI":
-        say(
-            f"  note: the part measures {max(counts['extent']):.4g} m: is the mesh in "
-            "millimetres (--units mm-t-s)?"
-        )
-
-
 def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
     """Refuse options that mean nothing here; ``why`` stands behind the option's name."""
     for name in names:
@@ -290,6 +248,7 @@ def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None
 def _import_description(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
     """A YAML description."""
     from flexgram.body.description import import_body
+    from flexgram.cli.import_words import say_mesh
 
     why = (
         ": interfaces, units and damping of a meshed body stand in its YAML file "
@@ -299,11 +258,12 @@ def _import_description(options: argparse.Namespace, named: list[tuple[str, str]
     _refuse(options, (*own, *OF_FILES, *OF_DECKS, *OF_MESHES, *OF_BODIES), why)
     for coupling, _ in named:
         raise BodyError(f"--{coupling}{why}")
-    _say_mesh(options, import_body(options.source, options.output))
+    say_mesh(options.output, import_body(options.source, options.output))
 
 
 def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
     """A mesh of one material, described on the command line."""
+    from flexgram.cli.import_words import say_mesh
     from flexgram.importers import parse
     from flexgram.importers.mesh import describe_supports, import_mesh
 
@@ -325,48 +285,48 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
         supports=describe_supports(options.support, options.thickness is not None),
         thickness=options.thickness,
     )
-    _say_mesh(options, counts)
+    say_mesh(options.output, counts)
 
 
 def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
     """A CalculiX deck or Nastran bulk data, assembled here."""
+    from flexgram.cli.import_words import say_mesh
     from flexgram.importers import parse
-    from flexgram.importers.assemble import assemble_deck
-    from flexgram.importers.nastran_bulk import assemble_bulk
+    from flexgram.importers.decks import BULK_DATA, import_deck
 
-    others = [key for key in OF_FILES if key != "format"]
+    _refuse(
+        options,
+        ("mass",),
+        " is a file with a mass matrix; a point mass is *MASS or CONM2 in the deck, or masses: in "
+        "a YAML description (docs/connections.md)",
+    )
+    others = [key for key in OF_FILES if key not in ("format", "mass")]
     _refuse(options, ("thickness", *others), " is nothing for --assemble")
     _refuse(options, ("support",), ": write what holds the body into the deck (*BOUNDARY, SPC)")
     interfaces = [parse(*pair) for pair in named]
     more = {**_of_body(options), **_further(options), **_of_mesh(options)}
     if options.source.suffix.lower() in BULK_DATA:
         _refuse(options, ("step",), " is of CalculiX decks")
-        counts = assemble_bulk(
-            options.source,
-            options.output,
-            interfaces,
-            ignore=options.ignore,
-            deck_loads=options.deck_loads,
-            **more,
-        )
     else:
         _refuse(options, ("ignore",), " is of Nastran bulk data")
-        counts = assemble_deck(
-            options.source,
-            options.output,
-            interfaces,
-            step=options.step,
-            deck_loads=options.deck_loads,
-            abaqus=options.format == "abaqus",
-            **more,
-        )
-    _say_mesh(options, counts)
+    counts = import_deck(
+        options.source,
+        options.output,
+        interfaces,
+        step=options.step,
+        ignore=options.ignore,
+        deck_loads=options.deck_loads,
+        abaqus=options.format == "abaqus",
+        **more,
+    )
+    say_mesh(options.output, counts)
     for remark in counts["remarks"]:
         say(f"  note: {remark}")
 
 
 def _import_files(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
     """Matrices of an FE code."""
+    from flexgram.cli.import_words import say_damping, say_matrices
     from flexgram.importers import check_damping, import_matrices, parse, read
 
     _refuse(options, OF_MESHES, " is for bodies that flexgram assembles")
@@ -401,8 +361,8 @@ def _import_files(options: argparse.Namespace, named: list[tuple[str, str]]) -> 
         outputs=_further(options)["outputs"],
         **_of_body(options),
     )
-    _say_matrices(options, facts)
-    _say_damping(facts)
+    say_matrices(options.output, facts)
+    say_damping(facts)
 
 
 def _of_body(options: argparse.Namespace) -> dict[str, Any]:
@@ -446,37 +406,6 @@ def _further(options: argparse.Namespace) -> dict[str, Any]:
     return found
 
 
-def _say_damping(facts: dict[str, Any]) -> None:
-    from flexgram.body.whole import damping_lines
-
-    is_free = facts.get("free", 0) > 0
-    for line in damping_lines(facts["damping"], further=facts["losses"], is_free=is_free):
-        say(f"  {line}")
-
-
-def _say_matrices(options: argparse.Namespace, facts: dict[str, Any]) -> None:
-    say(f"  {options.output}: n = {facts['rows']}, {facts['nonzeros']:.3g} nonzeros in K as read")
-    if "extent" in facts:
-        say(f"  it measures {_lengths(facts['extent'])} m")
-    if "mass" in facts:
-        at = ", ".join(f"{x:.6g}" for x in facts["centre"])
-        inertia = ", ".join(f"{facts['inertia'][i, i]:.6g}" for i in range(3))
-        say(
-            f"  mass {facts['mass']:.6g} kg of the free rows, centre ({at}) m, inertia about it "
-            f"{inertia} kg m²"
-        )
-        left = f"{facts['free']} of 6 rigid motions are free"
-        say(f"  {left} (relative energy at most {facts['rigid_energy'].max():.0e})")
-    for name, interface in facts["interfaces"].items():
-        say(f"  interface {name}: {_interface(interface)}")
-    say(
-        f"  {len(facts['ports'])} ports: {', '.join(facts['ports'][:12])}"
-        f"{' …' if len(facts['ports']) > 12 else ''}"
-    )
-    for remark in facts["remarks"]:
-        say(f"  note: {remark}")
-
-
 def _inputs(options: argparse.Namespace) -> list[Path]:
     """Files that are read beside those that options name: includes of decks, tables of loads."""
     from flexgram.importers.deck import files_of
@@ -486,12 +415,26 @@ def _inputs(options: argparse.Namespace) -> list[Path]:
     return [file for deck in decks for file in files_of(deck)] + [Path(t) for t in tables]
 
 
+def _expect_no_result(path: Path) -> None:
+    """A body file replaces a body file, and no reduced file, whose name it was given by mistake."""
+    import h5py
+
+    try:
+        with h5py.File(path) as file:
+            is_result = "error" in file or "projected" in file
+    except OSError:  # no HDF5, or what a killed import left
+        return
+    if is_result:
+        raise BodyError(f"{path} is a reduced file or a medium model; name another body file")
+
+
 def import_body_file(options: argparse.Namespace) -> None:
     """The verb: by the source and the options, one of four ways."""
     named = getattr(options, "interfaces", None) or []
     ending = options.source.suffix.lower()
     if options.output.exists():
         expect_kept(options.output, *_inputs(options))
+        _expect_no_result(options.output)
     from flexgram.body.meshfile import REMEDIES
 
     if ending in REMEDIES:

@@ -37,7 +37,7 @@ def couple_options(parser: argparse.ArgumentParser) -> None:
             action="append",
             default=[],
             metavar=f"{where}:x=1e6,...",
-            help=f"between them, {unit} by direction; x=1e6..3e6: known between two numbers"
+            help=f"between them, {unit} by direction; x=1e6..3e6: a range"
             + ("; loss=0.1 among them: their loss factor" if what == "spring" else ""),
         )
     parser.add_argument(
@@ -118,8 +118,8 @@ def frf_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--measured",
         type=Path,
-        help="universal file (58) whose responses are those of the pairs, in their "
-        "order: at its frequencies, with the FRAC of each",
+        help="universal file (dataset 58) with one response for each --pair, in the same order: H "
+        "is computed at its frequencies, and the FRAC printed",
     )
     parser.add_argument(
         "-o",
@@ -193,7 +193,9 @@ def modes_options(parser: argparse.ArgumentParser) -> None:
         help="universal file (55, and 15 or 2411 for its nodes) of a test: how its "
         "modes compare (MAC)",
     )
-    parser.add_argument("--hz", type=float, help="up to here; default: the end of the band")
+    parser.add_argument(
+        "--hz", type=float, help="largest frequency [Hz]; default: the end of the band"
+    )
     parser.add_argument(
         "--body", type=Path, help="body file with the mesh; default: the one that was reduced"
     )
@@ -290,6 +292,8 @@ def run_modes(options: argparse.Namespace) -> None:
             own = " ".join(f"{x:10.4g}" for x in modes.effective_mass[k - 1])
             masses = f"   effective mass {own} kg"
         say(f"  {k:4d} {f:12.6g} Hz   damping {100 * zeta:.3g} %{masses}{beyond}")
+    if count := model.frame.rigid_modes:
+        say(f"  {count} rigid modes are not among these numbers")
     if modes.effective_mass is not None:
         total = " ".join(f"{x:.4g}" for x in modes.effective_mass.sum(axis=0))
         say(f"  effective mass of these modes in x, y, z: {total} kg")
@@ -339,22 +343,38 @@ def hotspots_options(parser: argparse.ArgumentParser) -> None:
         metavar="PORT",
         help="a load to look at, several times for more; default: all but temperatures",
     )
+    parser.add_argument(
+        "--hz",
+        type=float,
+        help="at this frequency alone [Hz], 0: a constant load; default: the band",
+    )
     parser.add_argument("--body", type=Path, help="body file with the mesh")
 
 
 def run_hotspots(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from flexgram.model.geometry import body_of, units_of
     from flexgram.reduced_model import ReducedModel
     from flexgram.simulation.hot_spots import describe, hot_spots
 
     if options.count < 1:
         raise BodyError(f"--count {options.count} must be 1 or more")
     model = ReducedModel.load(options.rom)
-    for line in describe(
-        hot_spots(
-            model, options.count, apart=options.apart, body=options.body, inputs=options.input
-        )
-    ):
+    spots = hot_spots(
+        model,
+        options.count,
+        apart=options.apart,
+        body=options.body,
+        inputs=options.input,
+        hertz=options.hz,
+    )
+    for line in describe(spots, units_of(body_of(model, options.body))):
         say(line)
+    ends = model.claim.bands / (2 * np.pi)
+    if options.hz is not None and not any(a <= options.hz <= b for a, b in ends):
+        said = ", ".join(f"{a:g} to {b:g} Hz" for a, b in ends)
+        say(f"  note: the body was reduced for {said}; at {options.hz:g} Hz nothing is claimed")
 
 
 def simulate_options(parser: argparse.ArgumentParser) -> None:
@@ -384,7 +404,7 @@ def simulate_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--stress",
         action="store_true",
-        help="with --xdmf: stress and von Mises stress too; its extreme is printed",
+        help="print the extremes of the stress; with --xdmf the file holds it, too",
     )
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help=".csv of t and all outputs"
@@ -401,10 +421,12 @@ def count_of(option: str, count: float) -> int:
 def run_simulate(options: argparse.Namespace) -> None:
     import numpy as np
 
+    from flexgram.model.kinds import unit_of
     from flexgram.model.recovery import stress_peaks, words_of_stress
     from flexgram.reduced_model import ReducedModel
     from flexgram.simulation.expressions import between_times, function_of_time
     from flexgram.simulation.histories import evenly, judge, read_history
+    from flexgram.simulation.motions import too_far_apart
 
     model = ReducedModel.load(options.rom, basis=options.xdmf is not None or options.stress)
     if not options.force and options.loads is None:
@@ -435,7 +457,9 @@ def run_simulate(options: argparse.Namespace) -> None:
     header = "t," + ",".join(model.system.names_of(rates))
     with written_aside(options.output) as place:
         np.savetxt(place, np.column_stack([t, y]), delimiter=",", header=header, comments="")
-    say(f"  wrote {options.output}: {len(t)} times, {y.shape[1]} outputs")
+    units = {unit_of(port, True, rate) for rate in rates for port in model.outputs} - {None}
+    said = f" [{', '.join(sorted(map(str, units)))}]" if units else ""
+    say(f"  wrote {options.output}: {len(t)} times [s], {y.shape[1]} outputs{said}")
     if u.any():
         for words in judge(model, t, u).words_of_outside:
             say(f"  note: {words}")
@@ -452,7 +476,12 @@ def run_simulate(options: argparse.Namespace) -> None:
                 "moments; --frames 200 writes fewer"
             )
         more = (options.body, options.stress, u, options.frames)
-        say(f"  wrote {options.xdmf}: {write_motion(model, options.xdmf, t, q, *more)} moments")
+        count = write_motion(
+            model, options.xdmf, t, q, *more, tell=lambda words: say(f"  {options.xdmf}: {words}")
+        )
+        say(f"  wrote {options.xdmf}: {count} moments")
     if options.stress:
         peaks = stress_peaks(model, q, u, options.body)
         say(f"  {words_of_stress(model, t, peaks, options.body)}")
+        if said := too_far_apart(model, t):
+            say(f"  warning: {said}. Take more of them (--time FIRST,LAST,COUNT)")

@@ -32,7 +32,7 @@ def run_view(options: argparse.Namespace) -> None:
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="flexgram-")) / f"{options.file.stem}.html"
     if _is_reduced(options.file):
-        for line in write_report(options.file, output):
+        for line in write_report(options.file, output).left:
             say(f"  left out {line}")
     else:
         write_view(options.file, output)

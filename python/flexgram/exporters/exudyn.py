@@ -17,7 +17,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, written_aside
 from flexgram.exporters.exudyn_stiffening import GeometricStiffening, frame_stiffening
-from flexgram.model.elastic_part import in_its_frame
+from flexgram.model.elastic_part import expect_one_body, in_its_frame
 from flexgram.model.geometry import Geometry, body_of, interface_motion, interface_positions
 from flexgram.model.recovery import sides_of, stress_at_nodes
 from flexgram.model.reduced import ReducedBody
@@ -99,16 +99,12 @@ def ffrf_terms(
     >>> terms["interfaceNames"].tolist()
     ['lower', 'upper']
     """
+    expect_one_body(model, "EXUDYN's floating frame")
     if not model.frame.integrals or model.frame.rigid_modes != 6:
-        count = model.frame.rigid_modes
         raise BodyError(
             "EXUDYN's floating frame needs a free body with six rigid modes and its frame "
-            + (
-                f"integrals; this has {count}: parts that nothing joins move by themselves"
-                if count > 6
-                else "integrals: reduce it without supports, with coordinates, by --frame buckens "
-                "or tangent, and fix it by joints there"
-            )
+            "integrals: reduce it without supports, with coordinates, by --frame buckens or "
+            "tangent, and fix it by joints there"
         )
     if model.system.loss:
         raise BodyError(
@@ -276,6 +272,8 @@ def add_body(
     """
     import exudyn.itemInterface as eii
 
+    if np.shape(gravity) != (3,):
+        raise BodyError(f"gravity = {gravity} must be three numbers, such as (0, 0, -9.81)")
     terms = _terms_of(source, stress, nodes)
     n = int(terms["infoList"][0])
     start = [0.0] * n if coordinates is None else np.asarray(coordinates, dtype=float).tolist()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.model.elastic_part import in_its_frame
+from flexgram.model.elastic_part import expect_one_body, in_its_frame
 from flexgram.model.geometry import interface_motion, interface_positions
 from flexgram.model.physical import physical_form
 from flexgram.model.reduced import ReducedBody
@@ -50,6 +50,7 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
             f"MBDyn has no structural damping ({model.system.loss}): give Rayleigh damping, or "
             "export with --damping modal or rayleigh"
         )
+    expect_one_body(model, "MBDyn's modal joint")
     frame = model.frame
     free = frame.rigid_modes > 0
     if free and (frame.rigid_modes != 6 or frame.kind != "buckens"):

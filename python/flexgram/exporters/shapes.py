@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -115,6 +116,7 @@ def write_motion(
     stress: bool = False,
     u: Any = None,
     frames: int | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> int:
     """Deformation over time as XDMF for ParaView; returns how many moments it holds.
 
@@ -135,6 +137,8 @@ def write_motion(
         Inputs; needed for the stress of a body that a temperature strains.
     frames : int, optional
         So many moments, evenly chosen, the first and the last among them; default: all.
+    tell : callable, optional
+        Told every few seconds how many are written.
 
     Examples
     --------
@@ -164,7 +168,13 @@ def write_motion(
         try:
             with meshio.xdmf.TimeSeriesWriter(name.name) as writer:
                 writer.write_points_cells(geometry.points, geometry.blocks)
-                for time, state, load in zip(t, q, loads, strict=True):
+                begin = last = time.monotonic()
+                for k, (moment, state, load) in enumerate(zip(t, q, loads, strict=True)):
+                    now = time.monotonic()
+                    if tell is not None and k > 0 and now - last > 3:
+                        last = now
+                        left = (len(q) - k) * (now - begin) / k
+                        tell(f"{k} of {len(q)} moments, some {left:.0f} s left")
                     field = geometry.motion(model, state)[0]
                     data = {"u": field}
                     if stress:
@@ -173,7 +183,7 @@ def write_motion(
                             data[f"stress_{side}" if side else "stress"] = field
                         largest = stress_at_nodes(model, state, where, load, "larger")[0]
                         data["von_mises"] = von_mises(largest)
-                    writer.write_data(float(time), point_data=data)
+                    writer.write_data(float(moment), point_data=data)
         finally:
             os.chdir(here)
     return len(q)

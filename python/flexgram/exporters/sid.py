@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, written_aside
-from flexgram.model.elastic_part import in_its_frame
+from flexgram.model.elastic_part import expect_one_body, in_its_frame
 from flexgram.model.geometry import interface_motion, interface_positions
 from flexgram.model.reduced import ReducedBody
 
@@ -168,6 +168,7 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
             "a SID needs the frame integrals: reduce a free body with coordinates "
             "(--frame-integrals)"
         )
+    expect_one_body(model, "a SID")
     model.system.expect_symmetric("a SID")
     if model.system.loss:
         raise BodyError(

@@ -16,6 +16,15 @@ from flexgram.model.reduced import ReducedBody
 Body = TypeVar("Body", bound=ReducedBody)
 
 
+def expect_one_body(rom: ReducedBody, what: str) -> None:
+    """Raise BodyError where parts of a body move by themselves."""
+    if (count := rom.frame.rigid_modes) > 6:
+        raise BodyError(
+            f"{what} takes one body with six rigid modes, and this has {count}: loose parts or "
+            "hinges move by themselves"
+        )
+
+
 def in_its_frame(rom: Body) -> Body:
     """``ReducedModel.elastic``."""
     count, system = rom.frame.rigid_modes, rom.system

@@ -33,6 +33,8 @@ class Geometry:
         Name -> indices of its nodes, for marking them.
     constraints : Constraints, optional
         What dependent dofs follow, with indices into ``points``.
+    supports : dict
+        Name -> indices of its nodes, for marking them.
     """
 
     points: Floats
@@ -41,6 +43,7 @@ class Geometry:
     followers: dict[str, tuple[Floats, Ints]] = field(default_factory=dict)
     interfaces: dict[str, Ints] = field(default_factory=dict)
     constraints: Constraints | None = None
+    supports: dict[str, Ints] = field(default_factory=dict)
 
     @classmethod
     def load(cls, path: str | Path) -> Geometry:
@@ -67,7 +70,8 @@ class Geometry:
                         followers[name] = (np.array(item.attrs["position"]), item["nodes"][:])
                 constraints = Constraints.of(file)
                 labels = np.arange(len(points))
-                return cls(points, labels, blocks, followers, interfaces, constraints)
+                supports = {name: of["nodes"][:] for name, of in file.get("supports", {}).items()}
+                return cls(points, labels, blocks, followers, interfaces, constraints, supports)
             if "geometry/blocks" not in file or "nodes/position" not in file:
                 raise BodyError(f"{path}: the body has no mesh (import it with its deck)")
             blocks = [
@@ -140,6 +144,18 @@ def _four(shells: Ints) -> Ints:
     """Corners of shells, (F, 4); the last one of a triangle is its first."""
     corners = 3 if shells.shape[1] in (3, 6) else 4
     return shells[:, [0, 1, 2, 0]] if corners == 3 else shells[:, :4]
+
+
+def units_of(path: str | Path) -> str:
+    """Units of the files that a mesh body was imported from; empty if it does not know."""
+    with errors_of(path), h5py.File(path) as file:
+        return str(file.attrs.get("units", ""))
+
+
+def length_unit(path: str | Path) -> tuple[str, float]:
+    """For people: the name of a unit of length and its metres, millimetres where the files that a
+    body was imported from had these."""
+    return ("mm", 1e-3) if units_of(path).startswith("mm") else ("m", 1.0)
 
 
 def body_of(model: ReducedBody, body: str | Path | None = None) -> str | Path:

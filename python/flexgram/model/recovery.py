@@ -16,7 +16,7 @@ from flexgram.body.shell_field import ShellField
 from flexgram.body.shell_stress import SIDES
 from flexgram.body.strain import deforming, rigid_interfaces
 from flexgram.body.stress import Stresses, principal, signed_von_mises, temperatures, von_mises
-from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.geometry import Geometry, body_of, length_unit
 from flexgram.model.reduced import ReducedBody
 
 
@@ -322,13 +322,15 @@ def stress_peaks(
 def words_of_stress(
     model: ReducedBody, t: Floats, peaks: StressPeaks, body: str | Path | None = None
 ) -> str:
-    """What ``stress_peaks`` found, at times t."""
-    points = Geometry.load(body_of(model, body)).points
+    """What ``stress_peaks`` found, at times t; places in mm where the files had these."""
+    path = body_of(model, body)
+    points = Geometry.load(path).points
+    unit, length = length_unit(path)
 
     def said(peak: Peak) -> str:
-        place = ", ".join(f"{x:.4g}" for x in points[peak.where])
+        place = ", ".join(f"{x:.4g}" for x in points[peak.where] / length)
         return (
-            f"{1e-6 * peak.value:.4g} MPa at ({place}) m, node {peak.where + 1}"
+            f"{1e-6 * peak.value:.4g} MPa at ({place}) {unit}, node {peak.where + 1}"
             + (f", {peak.side} side" if peak.side else "")
             + f", t = {t[peak.when]:.6g} s"
         )

@@ -186,6 +186,8 @@ def read_sweep(sweep: Path, model: ReducedBody) -> tuple[Floats, ComplexArray]:
     True
     """
     with errors_of(sweep), h5py.File(sweep) as file:
+        if "omega" not in file or "H" not in file:
+            raise BodyError(f"{sweep}: not a sweep file (flexgram sweep writes one)")
         omega, H = file["omega"][:], file["H"][..., 0] + 1j * file["H"][..., 1]
         names = [[str(x) for x in file["H"].attrs[k]] for k in ("inputs", "outputs")]
     if names != [model.inputs, model.outputs]:
@@ -294,7 +296,8 @@ def loads(model: ReducedBody, verdict: HistoryAssessment, most: int = 6) -> Figu
 
 
 def stress_over_time(t: Floats, largest: Floats, outputs: dict[str, Floats]) -> Figure:
-    """The largest von Mises stress of a body over time, and its outputs that are stresses.
+    """The largest von Mises stress of a body over time, and its outputs that are stresses: the
+    eight largest, without those below a fiftieth of that.
 
     Parameters
     ----------
@@ -308,12 +311,15 @@ def stress_over_time(t: Floats, largest: Floats, outputs: dict[str, Floats]) -> 
     >>> t = np.linspace(0, 1, 11)
     >>> figure = stress_over_time(t, 1e6 * t, {"fillet.sxx": 5e5 * t})
     """
-    figure, axes = _axes()
+    figure, axes = _axes(8.2)
     axes.plot(t, 1e-6 * largest, color="k", lw=1.2, label="largest von Mises stress")
-    for name, values in outputs.items():
-        axes.plot(t, 1e-6 * values, lw=1, label=name)
+    sizes = {name: float(np.abs(values).max()) for name, values in outputs.items()}
+    seen = sorted(sizes, key=lambda name: -sizes[name])[:8]
+    for name in seen:
+        if sizes[name] >= 0.02 * float(largest.max()):
+            axes.plot(t, 1e-6 * outputs[name], lw=1, label=name)
     axes.set(xlabel="time [s]", ylabel="stress [MPa]", xlim=(t[0], t[-1]))
-    axes.legend(fontsize=7)
+    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.01, 1))
     return figure
 
 

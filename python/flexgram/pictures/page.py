@@ -76,7 +76,7 @@ def viewer(scene: Scene, marked: str = "interfaces") -> str:
     """The body in space; ``scene.data()`` is what its script reads."""
     options = ['<option value="rest">at rest</option>']
     if scene.history is not None:
-        options.append('<option value="history">load history</option>')
+        options.append(f'<option value="history">{scene.history["name"]}</option>')
     options += [
         f'<option value="{k}">{html.escape(motion["name"])}</option>'
         for k, motion in enumerate(scene.motions)
@@ -95,8 +95,8 @@ def viewer(scene: Scene, marked: str = "interfaces") -> str:
     drawn = ""
     if scene.history is not None:
         drawn = (
-            f" Of the load history {len(scene.history['times'])} of {scene.history['count']:,} "
-            "moments are drawn, the worst among them."
+            f" Of the {scene.history['name']} {len(scene.history['times'])} of "
+            f"{scene.history['count']:,} moments are drawn, the worst among them."
         )
     return (
         '<section id="scene"><div class="tools">'

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import html
 import io
-import re
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +15,21 @@ from flexgram.basics import BodyError, written_aside
 from flexgram.body.stress import von_mises
 from flexgram.measured import mode_shapes
 from flexgram.model.damped_modes import NaturalModes
-from flexgram.model.elastic_part import without_rigid_modes
-from flexgram.model.recovery import (
-    has_stress,
-    stress_at_nodes,
-    stress_peaks,
-    words_of_stress,
-)
+from flexgram.model.recovery import stress_at_nodes, words_of_stress
 from flexgram.model.reduced import ReducedBody
 from flexgram.pictures import figures, page, tables
 from flexgram.pictures.charts import responses
 from flexgram.pictures.scene import Scene, libraries
 from flexgram.pictures.space import Space
-from flexgram.simulation.histories import evenly, judge, read_history
+from flexgram.simulation.histories import judge, read_history
+from flexgram.simulation.motions import Motion
+
+#: Of the stress of a free body under a load history.
+FREE = (
+    " Only the loads of this history count. Forces of joints hold neither gravity nor the inertia "
+    "of a large motion (a swing, a spin): the stress of such a motion is that of its coordinates "
+    "in the multibody code (report --motion)."
+)
 
 
 def _image(figure: Figure, caption: str, raster: bool = False) -> str:
@@ -53,51 +54,55 @@ def _when(log: dict[str, Any]) -> str:
     return told
 
 
-def _stress(answer: tuple[Any, ...], model: ReducedBody, body: str | Path | None) -> str:
-    """The worst moment of a load history, from rest."""
-    part, t, u, y, q, peaks = answer
-    words = words_of_stress(part, t, peaks, body)
-    worst = peaks.von_mises.when
+def _stress(motion: Motion, words: str, model: ReducedBody, body: str | Path | None) -> str:
+    """The stress of a motion: its worst moment, in words, and over time."""
+    assert motion.peaks is not None
+    if motion.is_given:
+        about = (
+            " The moments are those of the file: the loads of the multibody code count, gravity and"
+            " inertia too, as far as the coordinates hold them."
+        )
+    else:
+        about = (
+            " The body is at rest in the beginning: loads that start suddenly let it vibrate."
+        ) + (FREE if model.frame.rigid_modes else "")
     claim = (
         ""
-        if any(re.search(r"\.s[xyz]{2}$", name) for name in model.outputs)
-        else (" Nothing is claimed of it: make it an output of the body (type: stress).")
+        if motion.stresses
+        else " Nothing is claimed of it: make it an output of the body (type: stress)."
     )
-    picture = figures.stress(part, q[worst], body, u=u[worst])
-    curves = {
-        name: y[:, k] for k, name in enumerate(part.outputs) if re.search(r"\.s[xyz]{2}$", name)
-    }
-    at_ports = (
-        ""
-        if model.frame.rigid_modes == 0
-        else (
-            " Only the loads of this history count. Forces of joints hold neither gravity nor the "
-            "inertia of a large motion (a swing, a spin): the stress of such a motion is that of "
-            "its coordinates in the multibody code, rom.elastic().stress(q)."
-        )
-    )
+    u = motion.u[motion.worst]
+    picture = figures.stress(motion.part, motion.q[motion.worst], body, u=u)
     return (
-        f"<p>{words[0].upper()}{words[1:]}. The body is at rest in the beginning: loads that start "
-        f"suddenly let it vibrate.{at_ports}{claim}</p>"
+        f"<p>{words[0].upper()}{words[1:]}.{about}{claim}</p>"
         + _image(
-            figures.stress_over_time(t, peaks.over_time, dict(list(curves.items())[:12])),
+            figures.stress_over_time(motion.t, motion.peaks.over_time, motion.stresses),
             "Stress over time: the largest anywhere, and that of outputs.",
         )
         + _image(picture, "Von Mises stress at that moment, deformation enlarged.", raster=True)
     )
 
 
-class _Page:
-    """The parts of the page of one body; ``left``: what could not be shown, and why."""
+class Report:
+    """The parts of the page of one body.
+
+    Attributes
+    ----------
+    told : list of str
+        What the page says of a load history and of a motion.
+    left : list of str
+        What could not be shown, and why.
+    """
 
     def __init__(self, model: ReducedBody, body: str | Path | None) -> None:
         self.model, self.body = model, body
         self.made = model.provenance
+        self.told: list[str] = []
         self.left: list[str] = []
         self.data: dict[str, Any] = {}
         self.scene: Scene | None = None
         self.natural: NaturalModes | None = None
-        self._answer: tuple[Any, ...] | None = None
+        self.motion: Motion | None = None
         self.is_live = bool(libraries())
         if not self.is_live:
             self.left.append(page.WITHOUT)
@@ -161,26 +166,48 @@ class _Page:
             "</div>",
         ]
 
+    def move(self, loads: str | Path | None, coordinates: str | Path | None) -> None:
+        """What the body does over time, if something is known of it."""
+        try:
+            if coordinates is not None:
+                self.motion = Motion.given(self.model, coordinates, self.body, loads)
+            elif loads is not None:
+                self.motion = Motion.answer(self.model, loads, self.body)
+        except BodyError as reason:
+            if coordinates is not None:
+                raise
+            self.left.append(f"the answer to the load history: {reason}")
+
     def history(self, loads: str | Path) -> list[str]:
         """A load history: its spectrum, what the claim says of the answer, the largest stress."""
         history = read_history(loads, self.model.inputs)
         verdict = judge(self.model, *history)
-        parts = [
+        self.told += verdict.words
+        return [
             f"<h2>The load history {html.escape(Path(loads).name)}</h2>",
             "".join(
                 f"<p>{html.escape(words[0].upper() + words[1:])}.</p>" for words in verdict.words
             ),
             _image(figures.loads(self.model, verdict), "Amplitudes, and the band."),
         ]
-        if has_stress(self.model, self.body):
-            try:
-                parts.append(_stress(self.answer(loads), self.model, self.body))
-            except BodyError as error:
-                self.left.append(f"stress: {error}")
+
+    def stress(self, coordinates: str | Path | None) -> list[str]:
+        """The stress of a motion."""
+        parts = []
+        if self.motion is not None and self.motion.peaks is None and coordinates is not None:
+            self.left.append("stress: the body has none, or its body file is missing")
+        if self.motion is not None and self.motion.peaks is not None:
+            if coordinates is not None:
+                parts.append(f"<h2>The motion {html.escape(Path(coordinates).name)}</h2>")
+            parts += (f'<p class="warning">{html.escape(d)}.</p>' for d in self.motion.doubts)
+            self.told += self.motion.doubts
+            words = words_of_stress(self.motion.part, self.motion.t, self.motion.peaks, self.body)
+            parts.append(_stress(self.motion, words, self.model, self.body))
+            self.told.append(words)
         return parts
 
-    def shapes(self, loads: str | Path | None) -> list[str]:
-        """The body in space: its lowest modes, its load history."""
+    def shapes(self) -> list[str]:
+        """The body in space: its lowest modes, its motion."""
         if not self.is_live:
             caption = "Surface with the interfaces; lowest elastic modes of the body, enlarged."
             picture = self.draw("shapes", caption, raster=True, body=self.body)
@@ -196,50 +223,23 @@ class _Page:
             return []
         for k, field in enumerate(motion):
             scene.add_motion(f"mode {natural.rigid + k + 1}, {hz[k]:.5g} Hz", field)
-        if loads is not None:
-            try:
-                self._add_history(scene, space, loads)
-            except BodyError as reason:
-                self.left.append(f"the load history in space: {reason}")
+        if self.motion is not None:
+            self._add_motion(scene, space, self.motion)
         self.scene = scene
         self.data["scene-data"] = scene.data()
         what = "assembly" if self.model.basis.parts else "body"
         return [f"<h2>The {what}</h2>", page.viewer(scene)]
 
-    def answer(self, loads: str | Path) -> tuple[Any, ...]:
-        """The elastic answer to a load history: the part of the body, t, u, outputs, q, and the
-        peaks of the stress or nothing.
-
-        Raises
-        ------
-        BodyError
-            Without a time domain, for a rigid body, or if the answer grows beyond all numbers.
-        """
-        if self._answer is None:
-            part = without_rigid_modes(self.model)
-            if not part.order:
-                raise BodyError("the body has no elastic coordinates")
-            t, u = evenly(*read_history(loads, self.model.inputs))
-            y, q = part.system.simulate(u, t)
-            if not np.all(np.isfinite(q)):
-                raise BodyError("the answer grows beyond all numbers: the body is unstable")
-            peaks = (
-                stress_peaks(part, q, u, self.body) if has_stress(self.model, self.body) else None
-            )
-            self._answer = part, t, u, y, q, peaks
-        return self._answer
-
-    def _add_history(self, scene: Scene, space: Space, loads: str | Path) -> None:
-        """The elastic answer at forty moments and the worst one, with its stress if known."""
-        part, t, u, _, q, peaks = self.answer(loads)
-        energy = np.einsum("ki,ij,kj->k", q, part.system.in_time().K, q, optimize=True)
-        worst = int(np.argmax(energy)) if peaks is None else int(peaks.von_mises.when)
-        few = np.unique(np.append(np.linspace(0, len(t) - 1, 40).astype(int), worst))
-        stress = None
-        if peaks is not None:
-            stress = von_mises(stress_at_nodes(part, q[few], self.body, u[few], "larger"))
-        most = None if peaks is None else peaks.von_mises.value
-        scene.set_history(t[few], space.motion(part, q[few]), stress, len(t), most)
+    def _add_motion(self, scene: Scene, space: Space, motion: Motion) -> None:
+        """Some moments and the worst one, with their stress if known."""
+        few = motion.moments
+        q, stress, most = motion.q[few], None, None
+        if motion.peaks is not None:
+            at_nodes = stress_at_nodes(motion.part, q, self.body, motion.u[few], "larger")
+            stress, most = von_mises(at_nodes), motion.peaks.von_mises.value
+        name = "motion of the multibody code" if motion.is_given else "load history"
+        moved = space.motion(motion.part, q)
+        scene.set_history(motion.t[few], moved, stress, len(motion.t), most, name)
 
     def plan_and_modes(self) -> list[str]:
         """The modes, free and held; interfaces and mass; what was done."""
@@ -297,8 +297,9 @@ def write_report(
     sweep: str | Path | None = None,
     ports: list[tuple[str, str]] | None = None,
     loads: str | Path | None = None,
+    motion: str | Path | None = None,
     measured: str | Path | None = None,
-) -> list[str]:
+) -> Report:
     """Write the page.
 
     Parameters
@@ -316,34 +317,40 @@ def write_report(
         as many others as it has room for.
     loads : str or Path, optional
         Load history (``flexgram.simulation.histories.read_history``): its spectrum, and what the
-        claim says of the response to it.
+        claim says of the response to it, and the stress of that from rest.
+    motion : str or Path, optional
+        Elastic coordinates over time that a multibody code wrote
+        (``flexgram.simulation.motions.read_coordinates``): their stress, instead of that of the
+        answer to ``loads``.
     measured : str or Path, optional
         Universal file of a test: how its modes compare (``flexgram.measured.mode_shapes``).
 
     Returns
     -------
-    list of str
-        What could not be shown, and why.
+    Report
+        ``told``, and ``left``, what could not be shown.
 
     Examples
     --------
-    >>> write_report("rack.rom.h5", "rack.html")  # what could not be shown
+    >>> write_report("rack.rom.h5", "rack.html").left
     []
     """
     page.expect_name(output)
     if sweep is not None and not Path(sweep).exists():
         raise BodyError(f"{sweep}: no such file")
-    made = _Page(ReducedBody.load(rom), body)
+    made = Report(ReducedBody.load(rom), body)
+    made.move(loads, motion)
     parts = [
         *made.head(Path(rom)),
-        *made.shapes(loads),
+        *made.shapes(),
         *made.response(None if sweep is None else Path(sweep), ports),
         *(made.history(loads) if loads is not None else ()),
+        *made.stress(motion),
         *made.plan_and_modes(),
         *(made.measured(measured) if measured is not None else ()),
         *made.times(),
     ]
     text = page.document(Path(rom).name, parts, made.data)
-    with written_aside(output, rom, body, sweep, loads, measured) as place:
+    with written_aside(output, rom, body, sweep, loads, motion, measured) as place:
         place.write_text(text)
-    return made.left
+    return made

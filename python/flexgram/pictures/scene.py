@@ -106,7 +106,8 @@ class Scene:
     nodes : (n,) int array
         Which nodes of the geometry these are.
     interfaces, positions : dict
-        Name -> its nodes of the geometry, (k,), and where they are, (k, 3) [m].
+        Of interfaces and supports: name -> its nodes of the geometry, (k,), and where they are,
+        (k, 3) [m].
     count : int
         Nodes of the geometry.
     whole : int
@@ -142,13 +143,15 @@ class Scene:
             raise BodyError("the body has no elements to draw")
         kept, few = simplified(geometry.points, triangles, TRIANGLES)
         nodes = np.union1d(kept, beams)
+        held = {f"support {name}": at for name, at in geometry.supports.items()}
+        marked = {**geometry.interfaces, **held}
         return cls(
             geometry.points[nodes],
             np.searchsorted(nodes, kept[few]) if len(few) else np.empty((0, 3), dtype=np.int64),
             np.searchsorted(nodes, beams),
             nodes,
-            geometry.interfaces,
-            {name: geometry.points[at] for name, at in geometry.interfaces.items()},
+            marked,
+            {name: geometry.points[at] for name, at in marked.items()},
             len(geometry.points),
             len(triangles),
         )
@@ -170,6 +173,7 @@ class Scene:
         stress: Floats | None,
         count: int,
         most: float | None = None,
+        name: str = "load history",
     ) -> None:
         """What the body does over time, at moments that a page can go through.
 
@@ -185,6 +189,8 @@ class Scene:
             Moments of the whole history.
         most : float, optional
             The largest stress of all of it, which the scale ends with; default: of the nodes drawn.
+        name : str
+            What the page calls it.
         """
         moved = motion[:, self.nodes]
         flat = moved.reshape(len(times), -1)
@@ -192,6 +198,7 @@ class Scene:
         rank = max(1, min(8, int((s > 1e-4 * s[0]).sum()))) if s[0] > 0 else 1
         shapes = [as_shorts(row.reshape(-1, 3)) for row in V[:rank]]
         self.history = {
+            "name": name,
             "times": [float(t) for t in times],
             "weights": (U[:, :rank] * s[:rank]).tolist(),
             "shapes": [{"values": values, "unit": unit} for values, unit in shapes],

@@ -12,7 +12,7 @@ import numpy as np
 from flexgram.basics import BodyError, errors_of, written_aside
 from flexgram.body.meshfile import cell_regions, node_set, read_mesh
 from flexgram.body.whole import mass_facts
-from flexgram.model.geometry import Geometry
+from flexgram.model.geometry import Geometry, length_unit
 from flexgram.pictures import page, tables
 from flexgram.pictures.scene import Scene, libraries
 
@@ -46,21 +46,23 @@ def write_view(path: str | Path, output: str | Path) -> None:
     geometry = Geometry.load(path) if is_body else _of_mesh(path)
     scene = Scene.of(geometry)
     words = _of_body(path) if is_body else ""
-    references = _references(path) if is_body else {}
+    unit, length = length_unit(path) if is_body else ("units of the mesh", 1.0)
+    references = _references(path, length) if is_body else {}
     rows = "".join(
-        f"<tr><td>{html.escape(name)}</td><td class=n>{len(nodes)}</td><td>{_middle(at)}</td>"
+        f"<tr><td>{html.escape(name)}</td><td class=n>{len(nodes)}</td>"
+        f"<td>{_middle(at / length)}</td>"
         + (f"<td>{references.get(name, '')}</td>" if references else "")
         + "</tr>"
         for (name, nodes), at in zip(
             scene.interfaces.items(), scene.positions.values(), strict=True
         )
     )
-    size = ", ".join(f"{x:.4g}" for x in np.ptp(geometry.points, axis=0))
+    size = ", ".join(f"{x:.4g}" for x in np.ptp(geometry.points, axis=0) / length)
     kinds = ", ".join(
         f"{sum(len(c) for k, c in geometry.blocks if k == kind):,} {kind}"
         for kind in dict.fromkeys(k for k, _ in geometry.blocks)
     )
-    what, unit = ("interface", "m") if is_body else ("set", "units of the mesh")
+    what = "interface" if is_body else "set"
     parts = [
         f"<h1>{html.escape(path.name)}</h1>",
         f"<p class=lead>{len(geometry.points):,} nodes, {html.escape(kinds)}; it measures {size} "
@@ -68,7 +70,7 @@ def write_view(path: str | Path, output: str | Path) -> None:
         words,
         page.viewer(scene, f"{what}s"),
         f"<table><tr><th>{what}</th><th>nodes</th><th>their mean [{unit}]</th>"
-        + ("<th>forces act at [m]</th>" if references else "")
+        + (f"<th>forces act at [{unit}]</th>" if references else "")
         + f"</tr>{rows}</table>"
         if rows
         else f"<p>It has no {what}s.</p>",
@@ -83,11 +85,11 @@ def _middle(at: Any) -> str:
     return ", ".join(f"{x:.5g}" for x in np.round(np.mean(at, axis=0), 9) + 0.0)
 
 
-def _references(path: Path) -> dict[str, str]:
-    """Where forces and moments at each interface of a body act."""
+def _references(path: Path, length: float) -> dict[str, str]:
+    """Where forces and moments at each interface of a body act, in units of so many metres."""
     with h5py.File(path) as file:
         return {
-            name: _middle(np.atleast_2d(group.attrs["position"]))
+            name: _middle(np.atleast_2d(group.attrs["position"]) / length)
             for name, group in file.get("interfaces", {}).items()
             if "position" in group.attrs
         }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from flexgram.model.claim import Claim
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.kinds import INPUT_KINDS, ports_of
 from flexgram.model.reduced import ReducedBody
+from flexgram.simulation.time_files import rows_of, table_of
 
 #: Share of a load's energy that the band is to hold.
 ENOUGH = 0.999
@@ -42,38 +42,22 @@ def read_history(path: str | Path, inputs: list[str]) -> tuple[Floats, Floats]:
     True
     """
     path = Path(path)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [
-                (n, row)
-                for n, row in enumerate(csv.reader(file), 1)
-                if row and not row[0].lstrip().startswith("#")
-            ]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BodyError(f"{path}: {error}") from None
+    rows = rows_of(path)
     if len(rows) < 3:
         raise BodyError(f"{path}: expected a line 't,port,...' and a line for each time")
-    head = [word.strip() for word in rows[0][1]]
+    line, head = rows[0]
+    if head[0][:1].isdigit():
+        raise BodyError(f"{path}, line {line}: the first line names the columns, t,port,…")
     for name in head[1:]:
         if name not in inputs:
             raise BodyError(
-                f"{path}, line {rows[0][0]}: the body has no input {name!r}; there are "
+                f"{path}, line {line}: the body has no input {name!r}; there are "
                 f"{', '.join(inputs)}"
             )
     if head[0] not in ("t", "time") or len(head) < 2 or len(set(head)) < len(head):
-        raise BodyError(f"{path}, line {rows[0][0]}: expected t and names of inputs, each once")
-    table = np.empty((len(rows) - 1, len(head)))
-    for values, (number, row) in zip(table, rows[1:], strict=True):
-        try:
-            values[:] = np.array([float(word) for word in row]).reshape(len(head))
-        except ValueError:
-            raise BodyError(f"{path}, line {number}: expected {len(head)} numbers") from None
-        if not np.all(np.isfinite(values)):
-            raise BodyError(f"{path}, line {number}: holds NaN or Inf")
+        raise BodyError(f"{path}, line {line}: expected t and names of inputs, each once")
+    table = table_of(path, rows[1:], len(head))
     t = table[:, 0]
-    if not np.all(np.diff(t) > 0):
-        line = rows[2 + int(np.argmin(np.diff(t) > 0))][0]
-        raise BodyError(f"{path}, line {line}: the time does not rise")
     u = np.zeros((len(t), len(inputs)))
     u[:, [inputs.index(name) for name in head[1:]]] = table[:, 1:]
     return t, u
@@ -119,24 +103,33 @@ class HistoryAssessment:
     astray: float  #: share of the energy that is none of the loads that the body was reduced for
     proved: bool  #: the errors are bounds, not estimates
     band_end: float = 0.0  #: [Hz] where the claim ends
+    beside: tuple[str, ...] = ()  #: kinds of these loads without a claim of their own
 
     @property
     def error(self) -> float:
         """The largest of ``errors``."""
-        return max(self.errors.values())
+        return max(self.errors.values(), default=np.inf)
 
     @property
     def elastic_error(self) -> float | None:
         """The largest of ``elastic_errors``."""
-        return None if self.elastic_errors is None else max(self.elastic_errors.values())
+        if self.elastic_errors is None:
+            return None
+        return max(self.elastic_errors.values(), default=np.inf)
 
     @property
     def words(self) -> list[str]:
         """Sentences."""
+        if not self.errors:
+            return [
+                *self.words_of_outside,
+                "no part of these loads lies in the band: nothing is claimed of the response",
+            ]
         each = ", ".join(f"{what} at most {_percent(e)}" for what, e in self.errors.items())
         said = [
+            *self.words_of_outside,
             f"error of the response to these loads in the band, root mean square: {each}"
-            + ("" if self.proved else " (estimated, not proved)")
+            + ("" if self.proved else " (estimated, not proved)"),
         ]
         if self.astray > 1 - ENOUGH:
             said.append(
@@ -153,7 +146,12 @@ class HistoryAssessment:
                     else ""
                 )
             )
-        return said + self.words_of_outside
+        if self.beside:
+            said.append(
+                f"the error of {', '.join(self.beside)} has no bound of its own: that from H as a "
+                "whole may be far larger than the error"
+            )
+        return said
 
     @property
     def words_of_outside(self) -> list[str]:
@@ -231,6 +229,18 @@ def _blocks(model: ReducedBody) -> dict[str, list[_Block]]:
     return blocks
 
 
+def _beside(model: ReducedBody, energy: Floats) -> tuple[str, ...]:
+    """Kinds of outputs from loads with some energy, (n_in,), that only the claim of H covers."""
+    claim = model.claim
+    outputs = dict.fromkeys(kind.partition(" from ")[0] for kind in claim.kinds)
+    return tuple(
+        f"{output} from {kind}"
+        for output in outputs
+        for kind in INPUT_KINDS
+        if energy[ports_of(model.inputs, kind)].any() and claim.is_hidden(output, kind)
+    )
+
+
 def _size(H: ComplexArray, block: _Block) -> float:
     """Norm of what the claim of a block is relative to."""
     own = float(np.linalg.norm(H if block.of_all else H[np.ix_(block.rows, block.columns)]))
@@ -284,13 +294,13 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
     share = lines.energy[:, total > 0] / total[total > 0]
     names = [name for name, some in zip(model.inputs, total > 0, strict=True) if some]
     inside, below = _in_band(2 * np.pi * lines.hz, claim)
+    if model.frame.rigid_modes > 0:  # a free body has no steady answer to a constant load
+        inside[0], below[0] = False, True
     share_below = share[below].sum(axis=0)
     share_above = share[~inside & ~below].sum(axis=0)
     reached = np.argmax(np.cumsum(share, axis=0) >= ENOUGH - 1e-12, axis=0)
-    chosen = np.flatnonzero(
-        inside & (lines.energy.sum(axis=1) > 1e-20 * total.sum()) & (lines.hz > 0)
-    )
-    astray = 0.0
+    chosen = np.flatnonzero(inside & (lines.energy.sum(axis=1) > 1e-20 * total.sum()))
+    astray, beside = 0.0, _beside(model, total)
     if claim.load_names:
         within = lines.u @ np.linalg.pinv(claim.loads).T
         off = np.sum((lines.u - within @ claim.loads.T) ** 2)
@@ -301,7 +311,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
     if model.frame.rigid_modes > 0:
         with contextlib.suppress(BodyError):  # dampers hold it
             elastic = without_rigid_modes(model)
-    errors, elastic_errors = _errors(model, elastic, lines, chosen)
+    errors, elastic_errors = _errors(model, elastic, lines, chosen) if len(chosen) else ({}, None)
     return HistoryAssessment(
         lines.hz,
         told.amplitude,
@@ -314,6 +324,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
         astray,
         claim.kind != "estimated",
         float(claim.bands.max()) / (2 * np.pi),
+        beside,
     )
 
 

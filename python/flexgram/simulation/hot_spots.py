@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
+from flexgram.body.units import UNITS
 from flexgram.model.damped_modes import natural_frequencies
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import Geometry, body_of
@@ -65,6 +66,7 @@ def hot_spots(
     body: str | Path | None = None,
     inputs: list[str] | None = None,
     frequencies: int = 60,
+    hertz: float | None = None,
 ) -> list[HotSpot]:
     """Nodes of the largest von Mises stress per unit of a load over the band.
 
@@ -86,6 +88,8 @@ def hot_spots(
         Loads to look at; default: all but temperatures, of which there are none.
     frequencies : int
         Of the curve of the error so many, evenly chosen, beside the resonances.
+    hertz : float, optional
+        At this frequency alone; 0: under a constant load.
 
     Raises
     ------
@@ -122,12 +126,7 @@ def hot_spots(
     columns = [model.inputs.index(name) for name in chosen]
     fields = stress_fields(model, body)
     geometry = Geometry.load(body_of(model, body))
-    curve = model.claim.omega[:: max(1, len(model.claim.omega) // frequencies)]
-    modes = natural_frequencies(model)
-    inside = np.any([(modes >= a) & (modes <= b) for a, b in model.claim.bands], axis=0)
-    if not model.system.loss and not np.any(model.system.D + model.system.D.T):
-        inside &= False  # there is no largest stress at resonances without damping
-    omega = np.unique(np.concatenate([curve, modes[inside]]))
+    omega = _over_band(model, frequencies) if hertz is None else _at(model, hertz)
     motion = np.array(
         [
             np.linalg.solve(model.system.dynamic_stiffness(w), model.system.B[:, columns])
@@ -180,8 +179,28 @@ def hot_spots(
     return found
 
 
-def describe(spots: list[HotSpot]) -> list[str]:
-    """Lines for a reader: each spot, and the outputs that would certify them."""
+def _over_band(model: ReducedBody, count: int) -> Floats:
+    """Frequencies of the curve of the error, and the resonances in the bands [rad/s]."""
+    curve = model.claim.omega[:: max(1, len(model.claim.omega) // count)]
+    modes = natural_frequencies(model)
+    inside = np.any([(modes >= a) & (modes <= b) for a, b in model.claim.bands], axis=0)
+    if not model.system.loss and not np.any(model.system.D + model.system.D.T):
+        inside &= False  # there is no largest stress at resonances without damping
+    omega: Floats = np.unique(np.concatenate([curve, modes[inside]]))
+    return omega
+
+
+def _at(model: ReducedBody, hertz: float) -> Floats:
+    if not (np.isfinite(hertz) and hertz >= 0):
+        raise BodyError(f"{hertz} Hz must be a frequency, zero or more")
+    if hertz == 0 and model.frame.rigid_modes:
+        raise BodyError("nothing holds the body under a constant load: dampers alone do not")
+    return np.array([2 * np.pi * hertz])
+
+
+def describe(spots: list[HotSpot], units: str = "") -> list[str]:
+    """Lines for a reader: each spot, and the outputs that would certify them, for files in
+    ``units``; empty: of unknown ones."""
     lines = [
         f"node {spot.node} at ({', '.join(f'{x:.5g}' for x in spot.place)}) m{_where(spot)}: "
         f"{spot.stress:.4g} N/m² per {unit_of(spot.input, False) or 'unit'} of {spot.input}, "
@@ -198,13 +217,17 @@ def describe(spots: list[HotSpot]) -> list[str]:
         more = f", elements: {list(spot.elements)}" if spot.elements else ""
         more += f", side: {spot.side}" if spot.side else ""
         lines.append(f"  spot{k}: {{type: stress, nodes: [{spot.node}]{more}}}")
-    side = "/SIDE" if any(spot.side for spot in spots) else ""
-    among = "/ELEMENTS:1,2" if any(spot.elements for spot in spots) else ""
+    length = UNITS[units or "SI"][0]
     lines.append(
-        f"or by the import: --measure NAME=stress{side}:AT:x,y,z{among}, with these places in the "
-        "units of its files (here they are in metres)"
-        + (", and these elements where there are some" if among else "")
+        f"or by options of the import, of files in {units}:"
+        if units
+        else "or by options of the import (here in metres, there in the units of its files):"
     )
+    for k, spot in enumerate(spots, 1):
+        at = ",".join(f"{x / length:.8g}" for x in spot.place)
+        side = f"/{spot.side}" if spot.side else ""
+        among = f"/ELEMENTS:{','.join(map(str, spot.elements))}" if spot.elements else ""
+        lines.append(f"  --measure spot{k}=stress{side}:AT:{at}{among}")
     return lines
 
 

@@ -19,6 +19,14 @@
     if (size === 0 || (size >= 0.01 && size < 1e5)) return number(x);
     return x.toExponential(1).replace(".0e", "e").replace("e+", "e");
   }
+  function decades(low, high, pixels, options, graph, values) { /* powers of ten, if there are some */
+    const from = Math.log10(low), to = Math.log10(high);
+    if (!(to - from >= 1.5)) return Dygraph.numericTicks(low, high, pixels, options, graph, values);
+    const step = Math.max(1, Math.ceil((to - from) * 24 / pixels)), found = [];
+    for (let k = Math.ceil(from / step) * step; k <= to; k += step)
+      found.push({ v: Math.pow(10, k), label: tick(Math.pow(10, k)) });
+    return found;
+  }
   const curves = {}; // "output|input" -> what is drawn of them
   data.pairs.forEach(function (pair, k) { curves[pair.output + "|" + pair.input] = k; });
   const hz = data.hz, reduced = floats(data.reduced), full = data.full && floats(data.full);
@@ -60,7 +68,7 @@
     return {
       x: { logscale: logarithmic.checked, axisLabelFormatter: number,
            valueFormatter: function (x) { return number(x) + " Hz"; } },
-      y: { axisLabelFormatter: tick, valueFormatter: number, axisLabelWidth: 90 }
+      y: { axisLabelFormatter: tick, valueFormatter: number, axisLabelWidth: 90, ticker: decades }
     };
   }
   const common = {
