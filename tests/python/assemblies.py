@@ -70,10 +70,11 @@ def joined_response(
 def exactly(A: Any, B: Any) -> Any:
     """A⁻¹B in long doubles, whose solution is improved until it is right to their digits."""
     factors = scipy.linalg.lu_factor(A.astype(complex))
-    X = np.zeros_like(B)
+    X, before = np.zeros_like(B), np.inf
     for _ in range(12):
         step = scipy.linalg.lu_solve(factors, (B - A @ X).astype(complex))
-        X = X + step
-        if abs(step).max() <= 1e-18 * abs(X).max():
+        X, size = X + step, abs(step).max()
+        if size <= 1e-18 * abs(X).max() or size > before / 2:
             break
+        before = size
     return X

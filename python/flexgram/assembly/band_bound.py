@@ -10,10 +10,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexgram.assembly.interval_series import PIECES
+from flexgram.assembly.interval_series import DEGREE, PIECES
 from flexgram.assembly.pencil import Pencil, tables_of
 from flexgram.assembly.small_gain import Loop
-from flexgram.basics import Floats
+from flexgram.basics import Bools, Floats
 
 #: How far an interval may reach towards the next pole.
 REACH = 0.5
@@ -26,6 +26,8 @@ ZONE = 1e-4
 #: A bound that is this much larger than in the middle of its piece is not made sharper.
 SHARP = 1.2
 MOST_INTERVALS = 5000
+#: So many are looked at together, fewer where their matrices are larger than this [numbers].
+MOST_TOGETHER, MOST_NUMBERS = 32, 1_000_000
 
 
 @dataclass
@@ -59,14 +61,35 @@ class BandBound(ABC):
         self._tell, self._told = tell, time.monotonic()
         self._seen: dict[tuple[float, float], Floats | None] = {}  # bounds by interval
         self._view = 0
+        ports = len(loop.S_in) + len(loop.free_in) + len(loop.free_out)
+        numbers = (DEGREE + 1) * max(len(p.omega) for p in pencils) * max(ports, 1)
+        self.together = int(np.clip(MOST_NUMBERS // max(numbers, 1), 1, MOST_TOGETHER))
 
     @abstractmethod
-    def over(self, omega: float, h: float) -> Floats | None:
-        """Bounds (2, pieces, views) on each piece of an interval, and in its middle by itself;
-        nothing if a pole is too near."""
+    def over(self, omega: Floats, h: Floats) -> Floats:
+        """Bounds (m, 2, pieces, views) on each piece of m intervals that are within ``reaches``,
+        and in its middle by itself."""
 
-    def reaches(self, omega: float, h: float) -> bool:
-        return all(pencil.reach(omega, h) <= REACH for pencil in self.pencils)
+    def reaches(self, omega: Floats, h: Floats) -> Bools:
+        """Of which intervals no pole is too near, (m,)."""
+        reaches: Bools = np.all([p.reach(omega, h) <= REACH for p in self.pencils], axis=0)
+        return reaches
+
+    def _look(self, intervals: Sequence[tuple[float, float]]) -> None:
+        """At those that were not seen."""
+        new = [interval for interval in intervals if interval not in self._seen]
+        new = new[: MOST_INTERVALS - len(self._seen)]
+        if not new:
+            return
+        self._seen.update(dict.fromkeys(new))
+        a, b = np.array(new).T
+        omega, h = 0.5 * (a + b), 0.5 * (b - a)
+        for wide in (h > 0, h == 0):  # points of a band that is one are another series
+            near = np.flatnonzero(wide)
+            near = near[self.reaches(omega[near], h[near])] if len(near) else near
+            if len(near):
+                for k, bounds in zip(near, self.over(omega[near], h[near]), strict=True):
+                    self._seen[new[k]] = bounds
 
     def prove(self, bands: Floats, view: int = 0) -> BandProof:
         """The bound of a view everywhere in bands (k, 2) [rad/s], but where a part claims nothing,
@@ -114,30 +137,31 @@ class BandBound(ABC):
         are `gone`."""
         worst, known = -1.0, cap if cap < 1 else 0.0  # the latter in the middles of pieces
         while todo:
-            a, b = todo.pop()
+            batch = todo[: -self.together - 1 : -1]
+            del todo[-len(batch) :]
             self._progress(todo)
-            omega, h = 0.5 * (a + b), 0.5 * (b - a)
+            self._look(batch)
             many = len(self._seen) >= MOST_INTERVALS
-            if (a, b) not in self._seen and not many:
-                self._seen[a, b] = self.over(omega, h)
-            found = self._seen.get((a, b))
-            final = many or h <= NARROWEST * omega
-            if found is not None:
-                sure, middle = found[:, :, self._view]
-                closed = middle <= cap
-                known = max(known, middle[closed].max(initial=0))
-                mixed = closed.any() and not closed.all() and h > edge * omega
-                rough = closed.all() and sure.max() > max(SHARP * middle.max(), known)
-                if final or not (mixed or rough):
-                    ends = np.linspace(a, b, PIECES + 1)
-                    open_ = ~(sure <= cap)
-                    gone += list(zip(ends[:-1][open_], ends[1:][open_], strict=True))
-                    worst = max(worst, float(sure[~open_].max(initial=-1)))
-                    continue
-            if final:
-                gone.append((a, b))
-            else:
-                todo += [(omega, b), (a, omega)]
+            for a, b in batch:
+                omega, h = 0.5 * (a + b), 0.5 * (b - a)
+                found = self._seen.get((a, b))
+                final = many or h <= NARROWEST * omega
+                if found is not None:
+                    sure, middle = found[:, :, self._view]
+                    closed = middle <= cap
+                    known = max(known, middle[closed].max(initial=0))
+                    mixed = closed.any() and not closed.all() and h > edge * omega
+                    rough = closed.all() and sure.max() > max(SHARP * middle.max(), known)
+                    if final or not (mixed or rough):
+                        ends = np.linspace(a, b, PIECES + 1)
+                        open_ = ~(sure <= cap)
+                        gone += list(zip(ends[:-1][open_], ends[1:][open_], strict=True))
+                        worst = max(worst, float(sure[~open_].max(initial=-1)))
+                        continue
+                if final:
+                    gone.append((a, b))
+                else:
+                    todo += [(omega, b), (a, omega)]
         return worst
 
 

@@ -193,18 +193,16 @@ def verdict(
         return found
     forms = [m.claim.form for m in models.values() if m.claim.form is not None]
     by_form = FormOverBand(loop, forms, tell) if len(forms) == len(models) else None
-    for k, x in enumerate(w if curve else []):
-        if any(
-            np.any((x >= m.claim.excluded[:, 0]) & (x <= m.claim.excluded[:, 1]))
-            for m in models.values()
-        ):
-            continue
-        if by_form is not None:
-            bounds, found.gain[k], estimates = by_form.at(x)
-            found.estimate[k] = estimates[0]
-        else:
-            bounds, found.gain[k] = loop.at(x)
-        found.bound[k] = bounds[0]
+    excluded = np.concatenate([m.claim.excluded for m in models.values()])
+    open_ = np.any([(w >= a) & (w <= b) for a, b in excluded], axis=0) & np.ones(len(w), bool)
+    told = np.flatnonzero(~open_ if curve else 0 * w)
+    if by_form is not None:
+        bounds, estimates, found.gain[told] = by_form.at(w[told])
+        found.bound[told], found.estimate[told] = bounds[:, 0], estimates[:, 0]
+    else:
+        for k in told:
+            bounds, found.gain[k] = loop.at(w[k])
+            found.bound[k] = bounds[0]
     if omega is None:
         over_band: BandBound = by_form or GainOverBand(loop, tell)
         proof = over_band.prove(bands)

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-import scipy.linalg
 
 from flexgram.assembly.band_bound import REACH, BandBound
-from flexgram.assembly.interval_series import Chosen, OutputTerms, Pieces, Series
+from flexgram.assembly.interval_series import Chosen, OutputTerms, Pieces, Series, block_diag
 from flexgram.assembly.loop_series import LoopSeries, PartSeries
 from flexgram.assembly.small_gain import (
     FEW,
@@ -41,17 +40,16 @@ class GainOverBand(BandBound):
         pencils = [self.series.pencil, *(p.pencil for p in self.parts.values())]
         super().__init__(loop, pencils, tell)
 
-    def over(self, omega: float, h: float) -> Floats | None:
-        if not self.reaches(omega, h):
-            return None
+    def over(self, omega: Floats, h: Floats) -> Floats:
         at, loop, found = Pieces(h), self.loop, self.series.over(omega, h)
         every = slice(None)
-        both = np.array([1.0, 0.0])[:, None]  # anywhere in a piece, and in its middle
+        shape = 2, len(omega), at.count
+        both = np.array([1.0, 0.0])[:, None, None]  # anywhere in a piece, and in its middle
 
         def sizes(series: Series, order: Literal[2, "fro"] = "fro") -> Floats:
             if 0 in series.tail.shape:
-                return np.zeros((2, at.count))
-            if min(series.tail.shape) > FEW:
+                return np.zeros(shape)
+            if min(series.tail.shape[1:]) > FEW:
                 order = "fro"
             middle, away = series.norms(at, order)
             return middle + both * away
@@ -61,10 +59,14 @@ class GainOverBand(BandBound):
 
         def own_of(name: str) -> Sizes:
             def root(part: PartSeries, ports: Chosen) -> Floats:  # of the sum of its diagonal
-                if not part.pencil.reach(omega, h) <= REACH:
-                    return np.full((2, at.count), np.inf)
-                block = part.over(omega, h).part(ports, ports)
-                return np.asarray(np.sqrt(np.sqrt(len(block.tail)) * sizes(block)))
+                near = part.pencil.reach(omega, h) <= REACH
+                result = np.full(shape, np.inf)
+                if near.any():
+                    block = part.over(omega[near], h[near]).part(ports, ports)
+                    middle, away = block.norms(at, "fro")
+                    of_near = np.sqrt(np.sqrt(block.tail.shape[1]) * (middle + both * away))
+                    result[:, near] = of_near
+                return result
 
             return lambda rows, columns: (
                 root(self.own[name][0], rows) * root(self.own[name][1], columns)
@@ -82,11 +84,11 @@ class GainOverBand(BandBound):
         of_Q = np.array(
             [[sizes(found.Q.part(r, c), 2) for c in loop.out_blocks] for r in loop.in_blocks]
         )
-        growths = {}
-        for i, k in np.ndindex(2, at.count):
-            E = scipy.linalg.block_diag(*(e[:, :, i, k] for e in errors))
-            growths[i, k] = growth_of(of_Q[:, :, i, k], E)[0]
-        bounds = np.full((2, at.count, len(loop.views)), np.inf)
+        E = block_diag([np.moveaxis(e, (0, 1), (-2, -1)) for e in errors])
+        growth = growth_of(np.moveaxis(of_Q, (0, 1), (-2, -1)), E)[0]
+        closed = np.isfinite(growth).all(axis=(-2, -1))
+        growth = np.where(closed[..., None, None], growth, 0)
+        bounds = np.full((*shape, len(loop.views)), np.inf)
         H_free, larger = loop.outputs.over(found.H, omega, h), loop.outputs.largest(omega + h)
         for v, view in enumerate(loop.views):
             left = np.array([sizes(found.after.part(view.rows, c), 2) for c in loop.out_blocks])
@@ -98,9 +100,8 @@ class GainOverBand(BandBound):
                 * sizes(found.dual.part(every, view.rows))
                 * sizes(found.motion.part(every, view.columns))
             )
-            for (i, k), growth in growths.items():
-                if growth is not None:
-                    error = left[:, i, k] @ growth @ right[:, i, k] + rounding[i, k]
-                    error *= larger[view.rows].max(initial=1)
-                    bounds[i, k, v] = relative(float(error), float(H[i, k]))
-        return bounds
+            factor = larger[:, view.rows].max(axis=1, initial=1)
+            error = np.einsum("o...,...oi,i...->...", left, growth, right) + rounding
+            error = np.where(closed, error * factor[:, None], np.inf)
+            bounds[..., v] = relative(error, H)
+        return bounds.transpose(1, 0, 2, 3)

@@ -32,11 +32,10 @@ class PartSeries:
         self.pencil = Pencil(system.K, system.D, system.M, system.eta, tau, system.S, tables)
         self.B, self.C = self.pencil.modes.T @ B, C @ self.pencil.modes
 
-    def over(self, omega: float, h: float) -> Series:
-        loads = np.zeros((3, *self.B.shape), dtype=complex)
-        loads[0] = self.B
-        one = np.eye(self.B.shape[1])
-        return self.pencil.response(omega, h, loads).between(self.C, one)
+    def over(self, omega: Floats, h: Floats) -> Series:
+        loads = np.zeros((1, 3, *self.B.shape), dtype=complex)
+        loads[:, 0] = self.B
+        return self.pencil.response(omega, h, loads).behind(self.C)
 
 
 @dataclass
@@ -55,7 +54,7 @@ class Bodies:
 
 @dataclass
 class LoopOverInterval:
-    """Of an assembly over an interval, inputs and outputs as of ``Loop``."""
+    """Of an assembly over intervals, inputs and outputs as of ``Loop``."""
 
     Q: Series
     after: Series  #: 1 - H Q, the rows of the outputs that are left
@@ -104,36 +103,33 @@ class LoopSeries:
         self.LB, self.Lb, self.bL = L.T @ forces, L.T @ b, b.T @ L
         self.CN, self.CL = outputs @ N, outputs @ L
 
-    def over(self, omega: float, h: float) -> LoopOverInterval:
-        p, t, o = len(self.free_in), len(self.S_in), len(self.free_out)
+    def over(self, omega: Floats, h: Floats) -> LoopOverInterval:
+        m, p, t, o = len(omega), len(self.free_in), len(self.S_in), len(self.free_out)
         ties, springs = self.ties, self.springs
         tied, sprung = [p + k for k in ties], [p + k for k in springs]
         NAL, LAL = self.NAL.over(omega, h), self.LAL.over(omega, h)
-        Y = about(
-            omega,
-            h,
-            (np.diag(self.stiffness), 1j * np.diag(self.damping), 0 * np.diag(self.damping)),
-        )
-        loads = np.zeros((3, len(self.NB), p + t + o), dtype=complex)  # forces, gaps, outputs
-        loads[0, :, :p], loads[:, :, tied], loads[:, :, sprung] = self.NB, -NAL, self.Nb @ Y
-        loads[0, :, p + t :] = self.CN.T
+        stiffness, damping = np.diag(self.stiffness)[None], np.diag(self.damping)[None]
+        Y = about(omega, h, stiffness, 1j * damping, 0j * damping)
+        loads = np.zeros((m, 3, len(self.NB), p + t + o), dtype=complex)  # forces, gaps, outputs
+        loads[:, 0, :, :p], loads[..., tied], loads[..., sprung] = self.NB, -NAL, self.Nb @ Y
+        loads[:, 0, :, p + t :] = self.CN.T
         answers = self.pencil.response(omega, h, loads)
         every = slice(None)
         z = answers.part(every, slice(0, p + t))
-        at_ties = np.zeros((3, len(ties), p + t), dtype=complex)
-        at_ties[0, :, :p], at_ties[:, :, tied], at_ties[:, :, sprung] = self.LB, -LAL, self.Lb @ Y
-        of_ties = z.times(-NAL.transpose(0, 2, 1)).plus(at_ties)
+        at_ties = np.zeros((m, 3, len(ties), p + t), dtype=complex)
+        at_ties[:, 0, :, :p], at_ties[..., tied], at_ties[..., sprung] = self.LB, -LAL, self.Lb @ Y
+        of_ties = z.times(-NAL.transpose(0, 1, 3, 2)).plus(at_ties)
         stretch = np.zeros((len(springs), p + t))
         stretch[:, tied], stretch[:, sprung] = self.bL, -np.eye(len(springs))
-        of_springs = z.between(self.Nb.T, np.eye(p + t)).plus(stretch).times(Y)
-        coefficients = np.zeros((len(of_springs.coefficients), t, p + t), dtype=complex)
-        tail = np.zeros((t, p + t))
+        of_springs = z.behind(self.Nb.T).plus(stretch).times(Y)
+        coefficients = np.zeros((m, of_springs.coefficients.shape[1], t, p + t), dtype=complex)
+        tail = np.zeros((m, t, p + t))
         for rows, series in ((ties, of_ties), (springs, of_springs)):
-            coefficients[:, rows], tail[rows] = series.coefficients, series.tail
+            coefficients[:, :, rows], tail[:, rows] = series.coefficients, series.tail
         forces = Series(coefficients, tail)  # λ
         moved = np.zeros((o, t))
         moved[:, ties] = self.CL
-        outputs = z.between(self.CN, np.eye(p + t))
+        outputs = z.behind(self.CN)
         to_gaps, to_forces = slice(p, None), slice(0, p)
         gaps = outputs.part(every, to_gaps).plus(moved)
         return LoopOverInterval(
@@ -142,7 +138,7 @@ class LoopSeries:
                 np.eye(self.S_out.shape[1])[self.free_out]
             ),
             before=forces.part(every, to_forces)
-            .between(-self.S_in.T, np.eye(p))
+            .behind(-self.S_in.T)
             .plus(np.eye(self.S_in.shape[1])[:, self.free_in]),
             H=outputs.part(every, to_forces),
             motion=z.part(every, to_forces),

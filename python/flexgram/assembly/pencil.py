@@ -54,25 +54,27 @@ class DynamicStiffness:
             [(g, left.T @ T @ right) for g, T in self.tables],
         )
 
-    def polynomial(self, omega: float) -> tuple[ComplexArray, ComplexArray, Floats]:
-        """The factors of 1, ω and ω² about a frequency."""
-        constant, linear = self.constant, self.linear
+    def polynomial(self, omega: Floats) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """The factors of 1, ω and ω² about frequencies (m,), (m or 1, …) each."""
+        constant, linear = self.constant[None], self.linear[None]
         for g, T in self.tables:
-            value, slope = g.line(omega)
+            lines = np.array([g.line(w) for w in omega])
+            value, slope = (x.reshape(-1, *(1,) * T.ndim) for x in lines.T)
             constant, linear = constant + value * T, linear + slope * T
-        return constant, linear, self.square
+        return constant, linear, self.square[None].astype(complex)
 
-    def over(self, omega: float, h: float) -> ComplexArray:
-        """A(ω + t h) as a polynomial of t."""
-        return about(omega, h, self.polynomial(omega))
+    def over(self, omega: Floats, h: Floats) -> ComplexArray:
+        """A(ω + t h) as polynomials of t, (m, 3, …)."""
+        return about(omega, h, *self.polynomial(omega))
 
 
-def _norm(A: ComplexArray) -> float:
-    """‖A‖ at most, of a matrix or a diagonal."""
-    if A.ndim == 1:
-        return float(np.abs(A).max(initial=0))
+def _norms(A: ComplexArray) -> Floats:
+    """‖A‖ at most, of matrices (m, n, n) or diagonals (m, n)."""
     sizes = np.abs(A)
-    return float(np.sqrt(sizes.sum(axis=0).max(initial=0) * sizes.sum(axis=1).max(initial=0)))
+    if A.ndim == 2:
+        return np.asarray(sizes.max(axis=1, initial=0))
+    rows, columns = (sizes.sum(axis=k).max(axis=1, initial=0) for k in (1, 2))
+    return np.asarray(np.sqrt(rows * columns))
 
 
 def _is_diagonal(A: Floats) -> bool:
@@ -152,47 +154,54 @@ class Pencil:
         else:
             K = np.diag(stiffness) * (1 + 1j * eta) + 1j * S
             self.A = DynamicStiffness(K, 1j * D, -np.diag(mass), tables)
-        self._at, self._steps = np.nan, (np.empty(0, complex),) * 3
+        self._at, self._steps = np.empty(0), (np.empty(0, complex),) * 3
 
-    def steps(self, omega: float) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """A⁻¹A', A⁻¹ and A⁻¹A''/2; of a diagonal the diagonals."""
-        if omega != self._at:
+    def steps(self, omega: Floats) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """A⁻¹A', A⁻¹ and A⁻¹A''/2 at frequencies (m,); of a diagonal the diagonals."""
+        kept = np.isin(self._at, omega)
+        if kept.sum() == len(omega) and not kept.all():  # some of those of before
+            first, second, third = self._steps
+            self._steps, self._at = (first[kept], second[kept], third[kept]), self._at[kept]
+        if not np.array_equal(omega, self._at):
             constant, linear, square = self.A.polynomial(omega)
-            A, slope = constant + omega * linear + omega**2 * square, linear + 2 * omega * square
-            if A.ndim == 1:
+            w = omega.reshape(-1, *(1,) * (constant.ndim - 1))
+            A, slope = constant + w * linear + w**2 * square, linear + 2 * w * square
+            if A.ndim == 2:
                 with np.errstate(divide="ignore", invalid="ignore"):
                     inverse = 1 / A
                     self._steps = slope * inverse, inverse, square * inverse
             else:
                 inverse = np.linalg.inv(A)
-                self._steps = inverse @ slope, inverse, inverse * np.diag(square)
+                self._steps = inverse @ slope, inverse, inverse * np.diag(square[0])
             self._at = omega
         return self._steps
 
-    def reach(self, omega: float, h: float) -> float:
-        """‖A⁻¹(ω) (A(ω + t h) - A(ω))‖ at most, |t| <= 1."""
+    def reach(self, omega: Floats, h: Floats) -> Floats:
+        """‖A⁻¹(ω) (A(ω + t h) - A(ω))‖ at most, |t| <= 1, (m,)."""
         step, _, curve = self.steps(omega)
-        return h * _norm(step) + h * h * _norm(curve)
+        return h * _norms(step) + h * h * _norms(curve)
 
-    def response(self, omega: float, h: float, loads: ComplexArray) -> Series:
-        """A⁻¹ times loads (3, n, columns), a polynomial of t."""
+    def response(self, omega: Floats, h: Floats, loads: ComplexArray) -> Series:
+        """A⁻¹ times loads (m, 3, n, columns), polynomials of t."""
         step, inverse, curve = self.steps(omega)
 
         def apply(matrix: ComplexArray, x: ComplexArray) -> ComplexArray:
-            return matrix[:, None] * x if matrix.ndim == 1 else matrix @ x
+            return matrix[:, :, None] * x if matrix.ndim == 2 else matrix @ x
 
-        if not h:
-            return Series(apply(inverse, loads[0])[None], np.zeros(loads.shape[1:]))
-        x = np.zeros((DEGREE + 3, *loads.shape[1:]), dtype=complex)
-        step, curve = h * step, h * h * curve
+        first = apply(inverse, loads[:, 0])
+        if not h.any():
+            return Series(first[:, None], np.zeros(first.shape))
+        x = np.zeros((len(omega), DEGREE + 3, *loads.shape[2:]), dtype=complex)
+        r = h.reshape(-1, *(1,) * (step.ndim - 1))
+        step, curve = r * step, r * r * curve
         for k in range(DEGREE + 3):
             if k < 3:
-                x[k] += apply(inverse, loads[k])
+                x[:, k] += first if k == 0 else apply(inverse, loads[:, k])
             if 0 < k <= DEGREE + 1:
-                x[k] -= apply(step, x[k - 1])
+                x[:, k] -= apply(step, x[:, k - 1])
             if k > 1:
-                x[k] -= apply(curve, x[k - 2])
+                x[:, k] -= apply(curve, x[:, k - 2])
         # The last two are what the series leaves of the equation, once A(ω)⁻¹ is applied.
-        left = np.linalg.norm(x[DEGREE + 1], axis=0) + np.linalg.norm(x[DEGREE + 2], axis=0)
-        tail = left / (1 - self.reach(omega, h))
-        return Series(x[: DEGREE + 1], np.tile(tail, (loads.shape[1], 1)))
+        left = np.linalg.norm(x[:, DEGREE + 1 :], axis=2).sum(axis=1)
+        tail = left / (1 - self.reach(omega, h))[:, None]
+        return Series(x[:, : DEGREE + 1], np.repeat(tail[:, None], loads.shape[2], axis=1))

@@ -83,23 +83,27 @@ def errors_of(
     return E
 
 
-def growth_of(Q: Floats, E: Floats) -> tuple[Floats | None, float]:
-    """The norms of E (1 + Q E)⁻¹, block by block, from those of Q and E at most, and the gain; None
-    if it is not below one."""
-    loop = Q @ E
-    if not np.all(np.isfinite(loop)):
-        return None, np.inf
-    gain = float(np.abs(np.linalg.eigvals(loop)).max(initial=0))
-    if not gain < 1:
-        return None, gain
-    series = np.linalg.inv(np.eye(len(loop)) - loop)
+def growth_of(Q: Floats, E: Floats) -> tuple[Floats, Floats]:
+    """The norms of E (1 + Q E)⁻¹, block by block, from those of Q and E at most, inf where the gain
+    is not below one, and the gain; of stacks (…, inputs, outputs) and (…, outputs, inputs)."""
+    loop = Q @ np.where(np.isfinite(E), E, 0)
+    known = np.isfinite(E).all(axis=(-2, -1)) & np.isfinite(loop).all(axis=(-2, -1))
+    loop = np.where(known[..., None, None], loop, 0)
+    gain = np.where(known, np.abs(np.linalg.eigvals(loop)).max(axis=-1, initial=0), np.inf)
+    closed = gain < 1
+    series = np.linalg.inv(np.eye(loop.shape[-1]) - np.where(closed[..., None, None], loop, 0))
     # Of a gain below one, but for rounding, it is the sum of powers, none of them negative.
-    return (E @ series if np.all(np.isfinite(series)) and np.all(series >= 0) else None), gain
+    closed &= (np.isfinite(series) & (series >= 0)).all(axis=(-2, -1))
+    growth = np.where(np.isfinite(E), E, 0) @ series
+    return np.where(closed[..., None, None], growth, np.inf), gain
 
 
-def relative(error: float, H: float) -> float:
-    """An error relative to ‖H‖, which is H at least before it."""
-    return error / (H - error) if H > error else np.inf
+def relative(error: Floats, H: Floats) -> Floats:
+    """Errors relative to ‖H‖, which is H at least before them."""
+    small = error < H
+    return np.divide(
+        error, np.where(small, H - error, 1), where=small, out=np.full(H.shape, np.inf)
+    )
 
 
 def size_of(A: ComplexArray) -> float:
@@ -228,11 +232,11 @@ class Loop:
         )
         growth, gain = growth_of(of_Q, E)
         bounds = np.full(len(self.views), np.inf)
-        if growth is not None:
+        if np.isfinite(growth).all():
             for k, view in enumerate(self.views):
                 behind = np.array([size_of(after[np.ix_(view.rows, c)]) for c in self.out_blocks])
                 ahead = np.array([size_of(before[np.ix_(r, view.columns)]) for r in self.in_blocks])
-                H_view = float(np.linalg.norm(whole[np.ix_(view.rows, view.columns)]))
-                error = larger[view.rows].max(initial=1) * float(behind @ growth @ ahead)
-                bounds[k] = relative(error, H_view)
-        return bounds, gain
+                H_view = np.linalg.norm(whole[np.ix_(view.rows, view.columns)])
+                error = larger[view.rows].max(initial=1) * (behind @ growth @ ahead)
+                bounds[k] = relative(np.asarray(error), np.asarray(H_view))
+        return bounds, float(gain)
