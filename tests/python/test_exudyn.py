@@ -115,6 +115,10 @@ def test_pendulum_under_gravity(tmp_path: Path) -> None:
     export(ReducedModel.load(rom), tmp_path / "beam.npz", "exudyn", body=body)
     mbs = exu.SystemContainer().AddSystem()
     added = add_body(exu, mbs, tmp_path / "beam.npz", gravity=(0, -9.81, 0))
+    with pytest.raises(BodyError, match=r"no interface 'begin' \(there are: start, end\)"):
+        added["markers"]["begin"]
+    with pytest.raises(BodyError, match=r"no mesh node 999 .*nodes=\[…\] brings more"):
+        added["mesh_nodes"][999]
     found = swing(mbs, added["markers"]["start"], added["markers"]["end"], (0, 0, 0), 0.6, 600)
     a, b, _ = SIZE
     reach, inertia = a / 2, (a**2 + b**2) / 12 + (a / 2) ** 2  # per mass, about the pivot

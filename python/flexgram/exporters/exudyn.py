@@ -297,24 +297,38 @@ def add_body(
     if np.any(np.asarray(gravity)):
         marker = mbs.AddMarker(eii.MarkerBodyMass(bodyNumber=number))
         mbs.AddLoad(eii.LoadMassProportional(markerNumber=marker, loadVector=list(gravity)))
-    markers = {
-        str(name): mbs.AddMarker(
+    markers = _Named("interface", "")
+    for name, of_interface in zip(terms["interfaceNames"], terms["interfaceNodes"], strict=True):
+        markers[str(name)] = mbs.AddMarker(
             eii.MarkerSuperElementRigid(
                 bodyNumber=number,
-                meshNodeNumbers=[int(i) for i in nodes],
+                meshNodeNumbers=[int(i) for i in of_interface],
                 weightingFactors=[1 / 6] * 6,
             )
         )
-        for name, nodes in zip(terms["interfaceNames"], terms["interfaceNodes"], strict=True)
-    }
+    mesh_nodes = _Named("mesh node", ": nodes=[…] brings more")
+    mesh_nodes.update({int(node): k for k, node in enumerate(terms.get("meshNodes", ())) if node})
     return {
         "object": number,
         "rigid_node": rigid_node,
         "modal_node": modal_node,
         "stiffening": stiffening,
         "markers": markers,
-        "mesh_nodes": {int(node): k for k, node in enumerate(terms.get("meshNodes", ())) if node},
+        "mesh_nodes": mesh_nodes,
     }
+
+
+class _Named(dict[Any, int]):
+    """Numbers by name; a wrong name is told with the right ones."""
+
+    def __init__(self, kind: str, remedy: str) -> None:
+        super().__init__()
+        self.kind, self.remedy = kind, remedy
+
+    def __missing__(self, name: Any) -> int:
+        names = [str(each) for each in self]
+        shown = ", ".join(names[:12]) + (" …" if len(names) > 12 else "")
+        raise BodyError(f"no {self.kind} {name!r} (there are: {shown or 'none'}){self.remedy}")
 
 
 def _terms_of(
