@@ -182,7 +182,7 @@ def _run(*arguments: str) -> Callable[[Path], Any]:
     def work(folder: Path) -> None:
         words = [word.replace("@", f"{folder}/") for word in arguments]
         done = subprocess.run(
-            [str(PROGRAM), *words], env=ENVIRONMENT, capture_output=True, text=True, timeout=60
+            [str(PROGRAM), *words], env=ENVIRONMENT, capture_output=True, text=True, timeout=300
         )
         said = [line for line in done.stderr.splitlines() if line.startswith("flexgram: ")]
         if done.returncode == 1 and said:

@@ -195,7 +195,7 @@ def test_command_line_under_mpirun(tmp_path: Path) -> None:
             "-o",
             str(body),
         ]
-        done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=300)
         assert done.returncode == status, done.stderr
         assert (done.stdout + done.stderr).count("rack.h5: " if status == 0 else "none.yaml: ") == 1
     assert h5py.is_hdf5(body)

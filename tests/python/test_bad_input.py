@@ -101,7 +101,7 @@ def test_bad_bodies(case: str, ranks: int, tmp_path: Path) -> None:
     make, expected = BODIES[case]
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
     write_matrices(body, **make())
-    result = run("reduce", "-body", body, "-mor_out", out, ranks=ranks, expect=1, timeout=60)
+    result = run("reduce", "-body", body, "-mor_out", out, ranks=ranks, expect=1, timeout=300)
     assert expected in message(result)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["body.h5"]
 
@@ -173,7 +173,7 @@ def test_damaged_bodies(case: str, ranks: int, tmp_path: Path) -> None:
     with h5py.File(body, "r+") as file:
         damage(file)
     result = run(
-        "reduce", "-body", body, "-mor_out", tmp_path / "rom.h5", ranks=ranks, expect=1, timeout=60
+        "reduce", "-body", body, "-mor_out", tmp_path / "rom.h5", ranks=ranks, expect=1, timeout=300
     )
     assert expected in message(result)
 
@@ -222,7 +222,7 @@ def test_a_damaged_attribute_is_not_a_missing_one(
             "-mor_out",
             out,
             expect=None,
-            timeout=60,
+            timeout=300,
         )
         assert result.status in (0, 1)
         if result.status == 0:
@@ -278,7 +278,7 @@ def test_bad_options(case: str, ranks: int, tmp_path: Path) -> None:
         *options,
         ranks=ranks,
         expect=1,
-        timeout=60,
+        timeout=300,
     )
     assert expected in message(result)
     assert not out.exists()
@@ -353,7 +353,7 @@ def test_bad_files(name: str, expected: str, ranks: int, tmp_path: Path) -> None
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
     write_matrices(body, **chain())
     damaged(name, body)
-    result = run("reduce", "-body", body, "-mor_out", out, ranks=ranks, expect=1, timeout=60)
+    result = run("reduce", "-body", body, "-mor_out", out, ranks=ranks, expect=1, timeout=300)
     assert expected in message(result)
     assert not out.exists()
 
@@ -376,7 +376,7 @@ def test_a_resonance_in_one_group_ends_the_other(tmp_path: Path) -> None:
         tmp_path / "s.h5",
         ranks=2,
         expect=1,
-        timeout=60,
+        timeout=300,
     )
     assert "frequency 1 of 2" in message(result) and "singular" in message(result)
     assert not (tmp_path / "s.h5").exists()
@@ -438,7 +438,7 @@ def test_an_undamped_free_body_at_zero_frequency(ranks: int, tmp_path: Path) -> 
         tmp_path / "sweep.h5",
         ranks=ranks,
         expect=1,
-        timeout=60,
+        timeout=300,
     )
     assert "no finite response" in message(result) and "0 Hz" in message(result)
     assert not (tmp_path / "sweep.h5").exists()
