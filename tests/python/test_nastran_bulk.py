@@ -212,6 +212,11 @@ def test_coordinate_systems_and_springs(tmp_path: Path) -> None:
     b = assembled(tmp_path / "b.h5", tmp_path / "same.h5")
     same_matrices(a, b, 1e-9)
     np.testing.assert_allclose(a["B"], b["B"], atol=1e-12)
+    # A rod has E and G: what its NU says is not asked.
+    text = text.replace("CONM2,9,5", "CONM2,9,1").replace("1.+11,,0.3,", "1.+11,1.+9,49.,")
+    (tmp_path / "s.bdf").write_text(text)
+    assemble_bulk(tmp_path / "s.bdf", tmp_path / "s.h5", [])
+    same_matrices(assembled(tmp_path / "a.h5", tmp_path / "s.h5"), b, 1e-9)
 
 
 FIBRES = {"E1": 1.4e11, "E2": 1e10, "E3": 1e10, "nu12": 0.3, "nu13": 0.0, "nu23": 0.0,

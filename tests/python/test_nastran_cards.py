@@ -48,7 +48,7 @@ def mpc(cards: str) -> str:
                 "CBAR,93,2,50,90,0.,0.,1.\nPBAR,2,2,1.-4,1.-8,1.-8,1.-8\n"
                 "MAT8,2,1.+11,1.+10,0.3,1.+10,,,1600.\n"
             ),
-            "MAT8 2: beams have a MAT1",
+            "MAT8 2: beams and rods have a MAT1",
         ),
         (mpc("MPC,5,50,0,1.0,80,1,-1.\n"), "MPC 5: grid 50 has no component 0"),
         (plate("CELAS2,93,1.0,50,3,90\n"), "no component .C1 or C2. for grid 90"),

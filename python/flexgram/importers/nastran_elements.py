@@ -437,7 +437,8 @@ class Elements:
             raise self.deck.refuse(element.type, number, "its area must be positive")
         if J > 0:  # felt where both ends have rotations, which all elements tell
             self.later.append((number, element))
-        material = self.materials.of(prop.mid, prop.mid_ref, float(prop.nsm or 0.0) / A)
+        more = float(prop.nsm or 0.0) / A
+        material = self.materials.of(prop.mid, prop.mid_ref, more, beam=True)  # E and G
         name = f"rod_{A:.9g}_{material}"
         self.sections[name] = {"shape": "rod", "A": A}
         return self._region(name, material, name)

@@ -80,13 +80,13 @@ class Materials:
     ) -> str:
         """Name of a material of property ``number``, with ``more`` density, another loss factor,
         and another temperature without stress than its own (TREF). Of a MAT1 whose E, G and NU do
-        not belong together beams have E and G, others E and NU, as in Nastran."""
+        not belong together beams and rods have E and G, others E and NU, as in Nastran."""
         if card is None:
             raise BodyError(f"{self.deck.path}: property {number}: its material is missing")
         name = f"mat{card.mid}" + (f"_{more:.9g}" if more else "")
         name += "" if loss is None else f"_g{loss:.9g}"
         if beam and card.type != "MAT1":
-            raise self.deck.refuse(card.type, card.mid, "beams have a MAT1")
+            raise self.deck.refuse(card.type, card.mid, "beams and rods have a MAT1")
         if beam and (own_shear(card) or not -1 < float(card.nu or 0.0) < 0.5):
             name += "_beam"
         if _expansion(card):
