@@ -131,12 +131,12 @@ std::string held_words(const std::vector<HeldInterface>& held) {
       }
       const char* const more = h.omega.size() > most ? ", … Hz" : " Hz";
       words += join(reference, ", ") + more;
-      words += h.frequency_error() < 0.05 ? text(" within %.1e", h.frequency_error())
-                                          : " come out as " + join(here, ", ") + more;
+      words += h.frequency_error() < 0.05
+                   ? text(" (relative error %.1e)", h.frequency_error())
+                   : " come out as " + join(here, ", ") + more;
     }
     if (h.compliance)
-      words +=
-          text(", static compliance within %.1e (%s)", *h.compliance, h.port.c_str());
+      words += text(", static compliance to %.1e (%s)", *h.compliance, h.port.c_str());
   }
   if (held.size() > most) words += text("; %zu more in the file", held.size() - most);
   return words;

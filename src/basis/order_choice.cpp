@@ -160,9 +160,12 @@ void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,
                          candidate.name.c_str(), worst);
   }
   if (choice.order == 0)
-    throw Error(text("{order} %d: %s has orders from %d to %d here", order,
+    throw Error(text("{order} %d: %s has orders from %d to %d here%s", order,
                      choice.candidates.front().name.c_str(),
-                     choice.candidates.front().least, choice.candidates.front().most));
+                     choice.candidates.front().least, choice.candidates.front().most,
+                     stage.medium.rigid > 0
+                         ? text(", among them %d rigid modes", stage.medium.rigid).c_str()
+                         : ""));
   choice.chosen_by = "{order}";
 }
 

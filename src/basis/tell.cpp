@@ -30,8 +30,8 @@ std::string label_of(const ReducedModel& rom) {
     residue = std::max(residue, pole[2]);
   }
   if (!rom.claim.supremum->poles.empty())
-    words += text(", whose frequencies are right to %.0e and residues to %.0e", frequency,
-                  residue);
+    words += text(", known by their frequencies to %.0e and heights (residues) to %.0e",
+                  frequency, residue);
   return words;
 }
 

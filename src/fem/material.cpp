@@ -43,7 +43,7 @@ Dense strain_rotation(const std::array<double, 9>& R) {
 SolidMaterial isotropic(double E, double nu, double density) {
   if (!(E > 0)) throw Error(text("E = %g: Young's modulus must be positive", E));
   if (!(nu > -1 && nu < 0.5))
-    throw Error(text("nu = %g: must lie between -1 and 0.5", nu));
+    throw Error(text("nu = %g must be above -1 and below 0.5", nu));
   SolidMaterial material;
   material.density = density;
   const double lambda = E * nu / ((1 + nu) * (1 - 2 * nu)), mu = E / (2 * (1 + nu));

@@ -18,7 +18,7 @@ std::string percent_or_power(double error) {
 std::string over(const std::vector<std::array<double, 2>>& bands) {
   std::vector<std::string> words;
   for (const auto& [first, last] : bands)
-    words.push_back(first == last ? text("at %g Hz", first * hz)
+    words.push_back(first == last ? text("at the single frequency %g Hz", first * hz)
                                   : text("from %g to %g Hz", first * hz, last * hz));
   return join(words, " and ");
 }
@@ -54,6 +54,9 @@ std::string words_of(const Claim& claim) {
   if (band.tolerance)
     words += text(", tolerance %g %s", *band.tolerance, band.met ? "met" : "NOT met");
   words += ".";
+  for (const auto& [first, last] : band.bands)
+    if (first == last && band.bands.size() == 1)
+      words += "\n  For all frequencies between two: {band_hz} FIRST,LAST.";
   if (is_of_kind && std::isfinite(band.worst))
     words += text("\n  It is largest for %s; of H as a whole it is at most %s.",
                   largest->name.c_str(), percent_or_power(band.whole).c_str());

@@ -88,6 +88,7 @@ def test_a_swing_in_exudyn(tmp_path: Path) -> None:
     page = (tmp_path / "swing.html").read_text()
     assert "The motion motion.txt" in page and "motion of the multibody code" in page
     assert "peaks between them" not in page
+    assert "The error of this stress has no bound" in page
     few = tmp_path / "few.csv"
     t, q = read_coordinates(motion, model.elastic().order)
     np.savetxt(few, np.column_stack([100 * t, q]), delimiter=",", header="t", comments="# ")

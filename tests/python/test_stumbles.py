@@ -17,6 +17,7 @@ import flexgram
 from bodies import box
 from conftest import assembled, run
 from flexgram import BodyError, ReducedModel, reduce
+from flexgram.body.description import import_description
 from flexgram.body.units import doubt
 from flexgram.exporters import export
 from flexgram.importers import parse
@@ -117,10 +118,75 @@ def test_few_moments_of_a_stress(tmp_path: Path) -> None:
     write_body(tmp_path / "b.h5", bar(), **PLAIN, **HELD)
     reduce(tmp_path / "b.h5", (0, 500), 1e-2).save(tmp_path / "b.rom.h5")
     words = ("simulate", tmp_path / "b.rom.h5", "--force", "end.fy=-100", "--stress")
+    said = run(*words, "--time", "0,0.1,11", "-o", tmp_path / "y.csv").out
+    assert "the times are 10 ms apart, so the history holds nothing above 50 Hz" in said
+    assert "displacement [m]: .fx, .fy, .fz\n    rotation [rad]: .mx, .my, .mz" in said
     said = run(*words, "--time", "0,0.1,5", "-o", tmp_path / "y.csv").out
     assert "moments are up to 25 ms apart" in said and "--time FIRST,LAST,COUNT" in said
     said = run(*words, "--time", "0,0.1,2001", "-o", tmp_path / "y.csv").out
     assert "ms apart" not in said
+
+
+@pytest.mark.parametrize("sheet", [False, True])
+def test_parts_in_no_region_are_told(sheet: bool, tmp_path: Path) -> None:
+    """Half of a bar, and ribs on a plate, were left out without a word."""
+    if sheet:
+        n = 5  # a plate of quads in x and y, a rib on its middle line
+        x = np.linspace(0, 1, n)
+        plate = np.array([[a, b, 0.0] for b in x for a in x])
+        rib = np.array([[a, 0.5, 0.2] for a in x])
+        quads = [[n * j + i, n * j + i + 1, n * j + n + i + 1, n * j + n + i]
+                 for j in range(n - 1) for i in range(n - 1)]  # fmt: skip
+        foot = [10 + i for i in range(n)]
+        ribs = [[foot[i], foot[i + 1], n * n + i + 1, n * n + i] for i in range(n - 1)]
+        kind, cells, some = "quad", np.array(quads + ribs), len(quads)
+        points, start = np.vstack([plate, rib]), np.arange(0, n * n, n)
+        section = {"section": "s"}
+        what, area = "4 elements (quad of part rest)", 1.0
+    else:
+        mesh = bar()
+        kind, cells = "tetra10", mesh.cells[0].data
+        cells = cells[np.argsort(mesh.points[cells].mean(axis=1)[:, 0])]
+        some, points, start = len(cells) // 2, mesh.points, mesh.point_sets["start"]
+        section = {}
+        what, area = f"{len(cells) - some} elements (tetra10 of part rest)", 0.0
+    chosen = np.arange(len(cells))
+    mesh = meshio.Mesh(
+        points, [(kind, cells)], point_sets={"start": start},
+        cell_sets={"part": [chosen[:some]], "rest": [chosen[some:]]},
+    )  # fmt: skip
+    content: dict[str, Any] = {
+        "materials": {"m": {"E": 2e11, "nu": 0.3, "rho": 7850.0}},
+        "sections": {"s": {"shape": "shell", "thickness": 0.01}},
+        "regions": {"part": {"material": "m", **section}},
+        "interfaces": {"end": {"coupling": "rigid", "nodes": "start"}},
+    }
+    counts = import_description(content, "b", tmp_path / "b.h5", mesh=mesh)
+    told = [words for words in counts["warnings"] if "in no region" in words]
+    assert told == [f"{what} are in no region: the body is without them"]
+    if sheet:
+        assert any(f"mass {area * 78.5:.6g} kg" in line for line in counts["summary"])
+    content["regions"]["rest"] = {"material": "m", **section}
+    counts = import_description(content, "b", tmp_path / "b.h5", mesh=mesh)
+    assert not any("in no region" in words for words in counts["warnings"])
+
+
+def test_faces_in_no_region_are_only_faces(tmp_path: Path) -> None:
+    """Surfaces that name interfaces of solids, and edges of shells, belong to no region."""
+    mesh = bar()
+    faces = np.array([[a, b, c] for a, b, c in mesh.cells[0].data[:4, :3]])
+    mesh = meshio.Mesh(mesh.points, [*mesh.cells, ("triangle", faces)], point_sets=mesh.point_sets)
+    counts = write_body(tmp_path / "b.h5", mesh, **PLAIN)
+    assert not any("in no region" in words for words in counts["warnings"])
+
+
+def test_nodes_in_the_order_of_gmsh_are_refused(tmp_path: Path) -> None:
+    """It has the last two of a tetra10 in another order: the import told a wrong mass."""
+    mesh = bar()
+    mesh.cells[0].data[:, [8, 9]] = mesh.cells[0].data[:, [9, 8]]
+    with pytest.raises(BodyError, match=r"is inverted or flat.*from gmsh to CalculiX|another one"):
+        write_body(tmp_path / "b.h5", mesh, **PLAIN)
+    assert not (tmp_path / "b.h5").exists()
 
 
 def test_a_sweep_beside_another_body(tmp_path: Path) -> None:
@@ -213,6 +279,8 @@ def test_options_of_the_import(words: list[str], expected: str, tmp_path: Path) 
     own = ("import", *mesh[:1], "--material", "E=2e11,nu=0.3", "--units", "mm-t-s")
     said = run(*own, "--rigid", "eye=NSET:end", "-o", tmp_path / "b.h5", expect=1).err
     assert "rho is missing" in said and "rho=7.85e-09" in said
+    said = run("import", *mesh, "--assemble", "-o", tmp_path / "b.h5", expect=1).err
+    assert "--assemble is of decks, which name their materials, and --material of meshes" in said
 
 
 def test_results_are_kept_and_told_apart(tmp_path: Path) -> None:
@@ -275,7 +343,15 @@ def test_a_deck_from_python(tmp_path: Path) -> None:
     from test_assemble_deck import deck
 
     path = deck(tmp_path / "bar.inp", "C3D10")
-    counts = flexgram.import_deck(path, tmp_path / "a.h5", {"end": "rigid NSET:END"}, alpha=3.0)
+    ends = {"end": "rigid NSET:END"}
+    flexgram.import_deck(path, tmp_path / "a.h5", ends, zeta="2%,10,1000")
+    with h5py.File(tmp_path / "a.h5") as a:
+        omega = 2 * np.pi * np.array([10, 1000])
+        ratio = a.attrs["alpha"] / (2 * omega) + a.attrs["beta"] * omega / 2
+        np.testing.assert_allclose(ratio, 0.02, rtol=1e-12)
+    with pytest.raises(BodyError, match="zeta gives alpha and beta"):
+        flexgram.import_deck(path, tmp_path / "a.h5", ends, zeta="2%,10,1000", alpha=3.0)
+    counts = flexgram.import_deck(path, tmp_path / "a.h5", ends, alpha=3.0)
     words = ("import", path, "--assemble", "--rigid", "end=NSET:END", "--alpha", "3")
     run(*words, "-o", tmp_path / "b.h5")
     with h5py.File(tmp_path / "a.h5") as a, h5py.File(tmp_path / "b.h5") as b:

@@ -8,10 +8,18 @@ from typing import Any
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Floats, Ints
+from flexgram.basics import BodyError, Bools, Floats, Ints
 from flexgram.body.faces import CORNERS
 from flexgram.body.materials import write_material
-from flexgram.body.meshfile import FORMULATIONS, LABELS, MEMBRANE, SECOND_ORDER, SHELLS, SOLIDS
+from flexgram.body.meshfile import (
+    FORMULATIONS,
+    LABELS,
+    MEMBRANE,
+    PYRAMIDS,
+    SECOND_ORDER,
+    SHELLS,
+    SOLIDS,
+)
 from flexgram.body.orientation import element_axes, expect_in_surface
 from flexgram.body.parameters import PARAMETER, region_material
 from flexgram.body.reader import Reader
@@ -28,8 +36,9 @@ def write_blocks(
     mesh: Any,
     cells: dict[str, list[Ints]],
     units: tuple[float, ...],
-) -> list[Block]:
-    """Write element blocks by region and cell type.
+) -> tuple[list[Block], list[str]]:
+    """Write element blocks by region and cell type; returns them, and warnings of what is in no
+    region.
 
     Parameters
     ----------
@@ -100,7 +109,41 @@ def write_blocks(
         if len(written) == before:
             kinds = _kinds(mesh, cells[str(name)])
             raise _without_elements(entry.where, kinds, section, of_shells)
-    return written
+    return written, _left_out(mesh, cells, taken, written)
+
+
+def _left_out(
+    mesh: Any, cells: dict[str, list[Ints]], taken: list[Bools], written: list[Block]
+) -> list[str]:
+    """Elements that no region has, though they are no faces or edges of elements that one has."""
+    used = np.zeros(len(mesh.points), dtype=bool)
+    for block in written:
+        used[block.nodes.ravel()] = True
+    kinds = {block.kind.partition("/")[0] for block in written}
+    faces = set(CORNERS) if kinds & set(SHELLS) else set()
+    lines = {"line", "line3"} if kinds & {"line", ROD} else set()
+    solid = (*SOLIDS, *PYRAMIDS)
+    missing: dict[str, int] = {}
+    for number, block in enumerate(mesh.cells):
+        if block.type not in (*solid, *faces, *lines):
+            continue
+        left = ~taken[number]
+        if block.type not in solid:
+            left &= ~used[block.data].all(axis=1)
+        if not left.any():
+            continue
+        parts = [
+            name
+            for name, chosen in sorted(cells.items())
+            if name not in ("all", block.type) and left[chosen[number]].any()
+        ]
+        of = f" of part {' and '.join(parts)}" if parts else ""
+        words = f"{block.type}{of}"
+        missing[words] = missing.get(words, 0) + int(left.sum())
+    return [
+        f"{count} elements ({words}) are in no region: the body is without them"
+        for words, count in missing.items()
+    ]
 
 
 def _labels(mesh: Any) -> Sequence[Ints]:

@@ -83,7 +83,7 @@ def write_material(file: h5py.File, name: str, data: Any, units: tuple[float, ..
         if not moduli.E > 0:
             raise BodyError(f"{where}: E = {moduli.E:g}: Young's modulus must be positive")
         if not -1 < moduli.nu < 0.5:
-            raise BodyError(f"{where}: nu = {moduli.nu:g}: must lie between -1 and 0.5")
+            raise BodyError(f"{where}: nu = {moduli.nu:g} must be above -1 and below 0.5")
         varying = read_varying(reader, str(name), stress)
         group.attrs["E"] = varying.share * moduli.E * stress
         group.attrs["nu"] = moduli.nu

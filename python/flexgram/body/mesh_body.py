@@ -102,7 +102,7 @@ class MeshBody:
             write_material(file, name, data, self.units)
         self._write_sections()
         self._merge_nodes()
-        self.elements = write_blocks(file, reader, self.mesh, self.cells, self.units)
+        self.elements, left_out = write_blocks(file, reader, self.mesh, self.cells, self.units)
         if reader.choice("repeated_elements", ("refuse", "keep"), "refuse") == "refuse":
             expect_no_repeats(self.elements)
         for block in self.elements:
@@ -154,6 +154,7 @@ class MeshBody:
                 *notes,
             ],
             "warnings": [
+                *left_out,
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
                 *doubts_of_joints(file, self.points, parts, np.flatnonzero(self.used), held),
                 *doubts_of_hinges(file, reader, self.elements),

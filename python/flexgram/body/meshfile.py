@@ -155,7 +155,8 @@ def node_set(mesh: meshio.Mesh, regions: dict[str, list[Ints]], name: str) -> In
     if name in mesh.point_sets:
         return np.unique(np.asarray(mesh.point_sets[name], dtype=np.int64))
     if name not in regions:
-        known = sorted({*regions, *mesh.point_sets} - {"all"})
+        names = {*regions, *mesh.point_sets} - {"all"}
+        known = sorted(n for n in names if not re.fullmatch(r"section\d+", n))  # of a deck's cards
         near = difflib.get_close_matches(name, known, 1, 0.7)
         hint = f", did you mean {near[0]}?" if near else ";"
         raise BodyError(

@@ -250,6 +250,17 @@ def normals_of(points: Floats, nodes: Ints) -> Floats:
     return unit
 
 
+def _around(sheets: list[Sheet], node: int) -> str:
+    """The elements at a node, by section."""
+    of: dict[str, list[int]] = {}
+    for sheet in sheets:
+        near = sheet.ids[(sheet.nodes == node).any(axis=1)]
+        of.setdefault(sheet.section, []).extend(near.tolist())
+    return "; ".join(
+        f"{ids} of {name}" if name else str(ids) for name, ids in sorted(of.items()) if ids
+    )
+
+
 def _expect_smooth(points: Floats, sheets: list[Sheet], nodes: Ints) -> None:
     """Elements around each node are of one section and do not meet at an angle."""
     first: dict[int, tuple[str, Floats]] = {}
@@ -263,12 +274,12 @@ def _expect_smooth(points: Floats, sheets: list[Sheet], nodes: Ints) -> None:
                 if section != sheet.section:
                     raise BodyError(
                         f"at node {node + 1} shells of sections {section} and {sheet.section} "
-                        "meet: name elements"
+                        f"meet: name elements, {_around(sheets, node)}"
                     )
                 if normal @ other < np.cos(np.radians(FOLD)):
                     raise BodyError(
                         f"at node {node + 1} shells meet at an angle, or with normals to different "
-                        "sides: name elements"
+                        f"sides: name elements, {_around(sheets, node)}"
                     )
     missing = np.setdiff1d(nodes, list(first))
     if len(missing):

@@ -24,6 +24,12 @@ from flexgram.body.terms import law_of
 from flexgram.body.units import UNITS, doubt
 from flexgram.body.varying_laws import PRODUCT
 
+#: Where programs differ in the order of the nodes of an element.
+NODE_ORDERS = {
+    "tetra10": "The last two nodes of a tetra10 change places from gmsh to CalculiX and Abaqus",
+    "hexahedron20": "The middle nodes of a hexahedron20 come in other orders in gmsh, Nastran and "
+    "Abaqus",
+}
 #: Nodes this close, relative to the size of the body, are meant to be one.
 NEAR = 1e-6
 
@@ -163,11 +169,13 @@ def doubts_of_parts(
 
 @dataclass
 class MassFacts:
-    """Mass [kg], centre of mass [m] and inertia about it [kg m²], (3,) and (3, 3)."""
+    """Mass [kg], centre of mass [m] and inertia about it [kg m²], (3,) and (3, 3); solids that are
+    inverted or flat, in words."""
 
     mass: float
     centre: Floats
     inertia: Floats
+    inverted: str = ""
 
 
 def _across(file: h5py.File, block: h5py.Group) -> tuple[float, float, float]:
@@ -190,6 +198,7 @@ def mass_facts(file: h5py.File) -> MassFacts:
 
     points = file["mesh/points"][:]
     mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    inverted, solids = [], 0
     for block in file["mesh/blocks"].values():
         kind, every = str(block.attrs["type"]), block["connectivity"][:]
         if kind in SHELLS:
@@ -216,7 +225,11 @@ def mass_facts(file: h5py.File) -> MassFacts:
                 turned = np.einsum("eq,eqa,eqb->ab", size * weight, normal, normal, optimize=True)
                 second += spread * turned
             else:
-                size = np.abs(np.linalg.det(np.einsum("qka,ekb->eqab", dN, x)))
+                volume = np.linalg.det(np.einsum("qka,ekb->eqab", dN, x))
+                wrong = np.flatnonzero(volume.min(axis=1) <= 0)
+                inverted += [(kind, int(block["ids"][start + k])) for k in wrong]
+                solids += len(x)
+                size = np.abs(volume)
             w = density * size * weight
             place = np.einsum("qk,ekb->eqb", N, x) + above
             mass += float(w.sum())
@@ -234,7 +247,23 @@ def mass_facts(file: h5py.File) -> MassFacts:
         second += len(where) * (0.5 * np.trace(inertia) * np.eye(3) - inertia)
     centre = first / mass if mass > 0 else first
     about = second - mass * np.outer(centre, centre)
-    return MassFacts(mass, centre, np.trace(about) * np.eye(3) - about)
+    inertia = np.trace(about) * np.eye(3) - about
+    return MassFacts(mass, centre, inertia, _said_of_inverted(inverted, solids))
+
+
+def _said_of_inverted(inverted: list[tuple[str, int]], solids: int) -> str:
+    """Of the kinds and numbers of such elements, among so many solids."""
+    if not inverted:
+        return ""
+    kind, number = inverted[0]
+    words = f"element {number} ({kind}) is inverted or flat"
+    if len(inverted) > 1:
+        words += f", and {len(inverted) - 1} more"
+    if len(inverted) == solids:
+        return words + ": is the mesh mirrored, or the order of its nodes another one?"
+    if kind in NODE_ORDERS:
+        return words + f": is the order of its nodes right? {NODE_ORDERS[kind]}"
+    return words + ": its mesh is distorted there"
 
 
 def doubts_of_units(file: h5py.File, system: str, extent: Floats) -> list[str]:
@@ -259,11 +288,11 @@ def doubts_of_units(file: h5py.File, system: str, extent: Floats) -> list[str]:
 
 def words_of_inertia(inertia: Floats) -> str:
     """Moments of inertia, (3, 3) [kg m²], and their products where there are some."""
-    said = "xx, yy, zz " + ", ".join(f"{x:.6g}" for x in np.diag(inertia)) + " kg m²"
+    said = "xx, yy, zz " + ", ".join(f"{x:.6g}" for x in np.diag(inertia))
     products = inertia[[0, 1, 2], [1, 2, 0]]
     if np.abs(products).max() > 1e-6 * np.abs(np.diag(inertia)).max():
         said += "; xy, yz, zx " + ", ".join(f"{x:.4g}" for x in products)
-    return said
+    return said + " kg m²"
 
 
 def free_in(file: h5py.File) -> int:
@@ -288,8 +317,16 @@ def _said_of_supports(file: h5py.File) -> list[str]:
 
 def summary(file: h5py.File, parts: int = 1) -> list[str]:
     """What to check in a mesh body, in lines: mass, free motions, materials, damping, all in SI.
-    ``parts``: how many the mesh has that nothing joins."""
+    ``parts``: how many the mesh has that nothing joins.
+
+    Raises
+    ------
+    BodyError
+        For solids that are inverted or flat.
+    """
     facts = mass_facts(file)
+    if facts.inverted:
+        raise BodyError(facts.inverted)
     at = ", ".join(f"{x:.6g}" for x in facts.centre)
     inertia = words_of_inertia(facts.inertia)
     free = free_in(file)

@@ -273,7 +273,8 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
             "steel --rigid eye=NSET:EYE), or describe it in YAML (several materials, beams), "
             "see meshes/rack.yaml"
         )
-    _refuse(options, (*OF_FILES, *OF_DECKS), " is nothing for a mesh")
+    _refuse(options, OF_FILES, " is nothing for a mesh")
+    _refuse(options, OF_DECKS, " is of decks, which name their materials, and --material of meshes")
     counts = import_mesh(
         options.source,
         options.output,

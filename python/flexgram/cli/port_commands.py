@@ -293,7 +293,10 @@ def run_modes(options: argparse.Namespace) -> None:
             masses = f"   effective mass {own} kg"
         say(f"  {k:4d} {f:12.6g} Hz   damping {100 * zeta:.3g} %{masses}{beyond}")
     if count := model.frame.rigid_modes:
-        say(f"  {count} rigid modes are not among these numbers")
+        say(
+            f"  {count} rigid modes are not among these numbers; in a report they are modes 1 to "
+            f"{count}"
+        )
     if modes.effective_mass is not None:
         total = " ".join(f"{x:.4g}" for x in modes.effective_mass.sum(axis=0))
         say(f"  effective mass of these modes in x, y, z: {total} kg")
@@ -421,7 +424,7 @@ def count_of(option: str, count: float) -> int:
 def run_simulate(options: argparse.Namespace) -> None:
     import numpy as np
 
-    from flexgram.model.kinds import unit_of
+    from flexgram.model.kinds import OUTPUT_KINDS, ports_of, unit_of
     from flexgram.model.recovery import stress_peaks, words_of_stress
     from flexgram.reduced_model import ReducedModel
     from flexgram.simulation.expressions import between_times, function_of_time
@@ -457,9 +460,14 @@ def run_simulate(options: argparse.Namespace) -> None:
     header = "t," + ",".join(model.system.names_of(rates))
     with written_aside(options.output) as place:
         np.savetxt(place, np.column_stack([t, y]), delimiter=",", header=header, comments="")
-    units = {unit_of(port, True, rate) for rate in rates for port in model.outputs} - {None}
-    said = f" [{', '.join(sorted(map(str, units)))}]" if units else ""
-    say(f"  wrote {options.output}: {len(t)} times [s], {y.shape[1]} outputs{said}")
+    say(f"  wrote {options.output}: {len(t)} times [s], {y.shape[1]} outputs")
+    for kind in OUTPUT_KINDS:
+        ports = [model.outputs[k] for k in ports_of(model.outputs, kind)]
+        for rate in rates if ports else ():
+            ends = ", ".join(dict.fromkeys("." + port.rpartition(".")[2] for port in ports))
+            what = kind if rate == "displacement" else f"{rate} of {kind}"
+            if unit := unit_of(ports[0], True, rate):
+                say(f"    {what} [{unit}]: {ends}")
     if u.any():
         for words in judge(model, t, u).words_of_outside:
             say(f"  note: {words}")

@@ -325,6 +325,9 @@ class _Named(dict[Any, int]):
         super().__init__()
         self.kind, self.remedy = kind, remedy
 
+    def __repr__(self) -> str:
+        return super().__repr__() if len(self) < 50 else f"<{len(self)} of the {self.kind}s>"
+
     def __missing__(self, name: Any) -> int:
         names = [str(each) for each in self]
         shown = ", ".join(names[:12]) + (" …" if len(names) > 12 else "")

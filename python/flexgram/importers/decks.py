@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError
+from flexgram.body.damping import rayleigh
 from flexgram.importers.fe import Interface
 from flexgram.importers.mesh import interfaces_of
 
@@ -23,6 +24,7 @@ def import_deck(
     alpha: float | None = None,
     beta: float | None = None,
     eta: float | None = None,
+    zeta: str | None = None,
     loads: Mapping[str, Any] | None = None,
     outputs: Mapping[str, Any] | None = None,
     deck_loads: bool = False,
@@ -49,6 +51,8 @@ def import_deck(
         Of the deck: ``SI``, ``mm-t-s``, ``mm-kg-s``, ``in-lbf-s`` or ``ft-lbf-s``.
     alpha, beta, eta : float, optional
         Damping, instead of that of the deck.
+    zeta : str, optional
+        A damping ratio at two frequencies instead of alpha and beta: ``"1%,50,2000"``.
     loads, outputs, spin, preload : mapping, optional
         As in a YAML description.
     deck_loads : bool
@@ -83,6 +87,10 @@ def import_deck(
     from flexgram.importers.assemble import assemble_deck
     from flexgram.importers.nastran_bulk import assemble_bulk
 
+    if zeta is not None:
+        if alpha is not None or beta is not None:
+            raise BodyError("zeta gives alpha and beta: leave these out")
+        alpha, beta = rayleigh(zeta, "zeta")
     more: dict[str, Any] = {
         "units": units,
         "alpha": alpha,

@@ -262,7 +262,7 @@ class Claim:
         return {
             "pointwise": "their norm",
             "elastic": "their norm without rigid motion",
-            "both": "their norm, with rigid motion or without it",
+            "both": "their norm, whether or not rigid motion counts",
             "band": "their largest norm in the band",
         }[self.relative_to]
 
@@ -311,11 +311,11 @@ class Claim:
         if len(self.excluded_poles):
             _, frequency, residue = self.excluded_poles.max(axis=0)
             right = [
-                f"{what} are right to {error:.0e}"
-                for what, error in (("frequencies", frequency), ("residues", residue))
+                f"{what} to {error:.0e}"
+                for what, error in (("frequencies", frequency), ("heights (residues)", residue))
                 if error < 1
             ]
-            words += f", whose {' and '.join(right)}" if right else ""
+            words += f", known by their {' and '.join(right)}" if right else ""
         return words
 
     @property
@@ -365,7 +365,7 @@ class Claim:
             if len(hz):
                 said = ", ".join(f"{full:.5g}" for _, full in hz[:6]) + f"{more} Hz "
                 if held.frequency_error < 0.05:
-                    said += f"within {held.frequency_error:.1e}"
+                    said += f"(relative error {held.frequency_error:.1e})"
                 else:
                     said += (
                         "of the body come out as "
@@ -375,7 +375,7 @@ class Claim:
                         + more
                     )
             if np.isfinite(held.compliance):
-                said += f", static compliance within {held.compliance:.1e} ({held.port})"
+                said += f", static compliance to {held.compliance:.1e} ({held.port})"
             lines.append(f"held at {name}: {said}")
         return lines
 

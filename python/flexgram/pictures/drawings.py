@@ -253,9 +253,12 @@ def still(scene: Scene) -> str:
         plain = matplotlib.colors.to_rgba(PLAIN)
         _draw(axes, points[scene.triangles], plain, _is_closed(scene.triangles), eye=eye)
     axes.add_collection(LineCollection(eye.flat(points[scene.lines]), color=PLAIN, lw=1.5))
-    for k, (_, at) in enumerate(scene.marked().values()):
-        flat = eye.flat(at - centre)
-        axes.plot(*flat.T, "s", ms=2.5, mew=0, color=MARKS[k % len(MARKS)])
+    for k, (name, (_, at)) in enumerate(scene.marked().items()):
+        flat, color = eye.flat(at - centre), MARKS[k % len(MARKS)]
+        axes.plot(*flat.T, "s", ms=2.5, mew=0, color=color)
+        if len(flat):
+            box = {"facecolor": "white", "edgecolor": color, "alpha": 0.9, "pad": 2}
+            axes.text(*flat.mean(axis=0), name, size=8, bbox=box, clip_on=True)
     half *= eye.distance
     axes.set(xlim=(-ASPECT * half, ASPECT * half), ylim=(-half, half))
     axes.set_axis_off()

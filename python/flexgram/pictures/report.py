@@ -140,7 +140,7 @@ class Report:
         gramian = "Eigenvalues of the position Gramian over the band, and the order taken."
         error = (
             "Error of the transfer matrix in the Frobenius norm, "
-            f"{self.model.claim.words_of_reference}."
+            f"{self.model.claim.words_of_reference}.{_of_which(self.model)}"
         )
         if self.is_live:
             data = self.data["chart-data"] = responses(self.model, sweep, ports)
@@ -203,6 +203,11 @@ class Report:
             self.told += self.motion.doubts
             words = words_of_stress(self.motion.part, self.motion.t, self.motion.peaks, self.body)
             parts.append(_stress(self.motion, words, self.model, self.body))
+            parts.append(
+                "<p class=lead>The error of this stress has no bound: only outputs that are stress "
+                "have one (--measure NAME=stress:WHERE). At sharp inner corners stress depends on "
+                "the mesh.</p>"
+            )
             self.told.append(words)
         return parts
 
@@ -354,3 +359,15 @@ def write_report(
     with written_aside(output, rom, body, sweep, loads, motion, measured) as place:
         place.write_text(text)
     return made
+
+
+def _of_which(model: ReducedBody) -> str:
+    """That curves of all of H are not the claim, where a kind of responses errs more."""
+    claim = model.claim
+    if not len(claim.by_kind) or not claim.by_kind.max() > 1.2 * claim.whole:
+        return ""
+    worst = claim.kinds[int(np.argmax(claim.by_kind))]
+    return (
+        f" The curves are of all of H, whose error is at most {claim.whole:.1e}. The claim is the "
+        f"largest of the kinds of responses, {claim.by_kind.max():.1e} of {worst}."
+    )

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.whole import mass_facts
+from flexgram.body.whole import mass_facts, words_of_inertia
 from flexgram.measured import mode_shapes
 from flexgram.model.damped_modes import NaturalModes, losses, sensitivities
 from flexgram.model.geometry import body_of, interface_positions
@@ -242,8 +242,5 @@ def weight(model: ReducedBody, body: str | Path | None) -> str:
 def of_mass(mass: float, centre: Floats, inertia: Floats) -> str:
     """In a sentence."""
     at = ", ".join(f"{x:.4g}" for x in centre)
-    moments = ", ".join(f"{x:.4g}" for x in np.diag(inertia))
-    return (
-        f"<p>Mass {mass:.6g} kg, centre at ({at}) m, moments of inertia about it {moments} "
-        "kg m².</p>"
-    )
+    moments = words_of_inertia(inertia)
+    return f"<p>Mass {mass:.6g} kg, centre at ({at}) m, moments of inertia about it {moments}.</p>"

@@ -14,7 +14,7 @@ from flexgram.body.meshfile import cell_regions, node_set, read_mesh
 from flexgram.body.whole import mass_facts
 from flexgram.model.geometry import Geometry, length_unit
 from flexgram.pictures import page, tables
-from flexgram.pictures.scene import Scene, libraries
+from flexgram.pictures.scene import MARKS, Scene, libraries
 
 
 def write_view(path: str | Path, output: str | Path) -> None:
@@ -49,12 +49,13 @@ def write_view(path: str | Path, output: str | Path) -> None:
     unit, length = length_unit(path) if is_body else ("units of the mesh", 1.0)
     references = _references(path, length) if is_body else {}
     rows = "".join(
-        f"<tr><td>{html.escape(name)}</td><td class=n>{len(nodes)}</td>"
+        f'<tr><td><span style="color:{MARKS[k % len(MARKS)]}">■</span> {html.escape(name)}</td>'
+        f"<td class=n>{len(nodes)}</td>"
         f"<td>{_middle(at / length)}</td>"
         + (f"<td>{references.get(name, '')}</td>" if references else "")
         + "</tr>"
-        for (name, nodes), at in zip(
-            scene.interfaces.items(), scene.positions.values(), strict=True
+        for k, ((name, nodes), at) in enumerate(
+            zip(scene.interfaces.items(), scene.positions.values(), strict=True)
         )
     )
     size = ", ".join(f"{x:.4g}" for x in np.ptp(geometry.points, axis=0) / length)

@@ -104,6 +104,7 @@ class HistoryAssessment:
     proved: bool  #: the errors are bounds, not estimates
     band_end: float = 0.0  #: [Hz] where the claim ends
     beside: tuple[str, ...] = ()  #: kinds of these loads without a claim of their own
+    step: float = 0.0  #: [s] between the times
 
     @property
     def error(self) -> float:
@@ -138,7 +139,8 @@ class HistoryAssessment:
             )
         if self.elastic_error is not None:
             said.append(
-                f"without the rigid motion of the body: at most {_percent(self.elastic_error)}"
+                "error of the elastic part of this response: at most "
+                f"{_percent(self.elastic_error)} of that part"
                 + (
                     ". Rigid motion is most of the response: --tol-relative-to both bounds the "
                     "error of the elastic motion too"
@@ -170,10 +172,11 @@ class HistoryAssessment:
                 "constant or slow: let the band begin lower (at 0 for a body that is held; a free "
                 "one takes --statics yes and --tol-relative-to elastic)"
             )
-        if len(self.hz) > 1 and self.hz[-1] < 1.05 * self.band_end:
+        if len(self.hz) > 1 and 0.5 < 1.05 * self.band_end * self.step:
             said.append(
-                f"the times are {500 / self.hz[-1]:.3g} ms apart, so the history holds nothing "
-                f"above {self.hz[-1]:.4g} Hz: what is faster would be taken for something slower"
+                f"the times are {1000 * self.step:.3g} ms apart, so the history holds nothing "
+                f"above {0.5 / self.step:.4g} Hz: what is faster would be taken for something "
+                "slower"
             )
         return said
 
@@ -237,7 +240,9 @@ def _beside(model: ReducedBody, energy: Floats) -> tuple[str, ...]:
         f"{output} from {kind}"
         for output in outputs
         for kind in INPUT_KINDS
-        if energy[ports_of(model.inputs, kind)].any() and claim.is_hidden(output, kind)
+        if energy[ports_of(model.inputs, kind)].any()
+        and f"{output} from {kind}" not in claim.kinds
+        and claim.is_hidden(output, kind)
     )
 
 
@@ -325,6 +330,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
         claim.kind != "estimated",
         float(claim.bands.max()) / (2 * np.pi),
         beside,
+        float(told.t[1] - told.t[0]),
     )
 
 

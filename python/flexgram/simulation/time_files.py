@@ -32,6 +32,8 @@ def rows_of(path: Path) -> list[Row]:
                 for n, row in enumerate(csv.reader(file), 1)
                 if row and not row[0].lstrip().startswith("#")
             ]
+    except FileNotFoundError:
+        raise BodyError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BodyError(f"{path}: {error}") from None
     if rows and ";" in rows[0][1][0]:
