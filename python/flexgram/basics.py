@@ -41,7 +41,7 @@ def errors_of(path: str | Path) -> Iterator[None]:
     except BodyError as error:
         if str(path) in str(error):
             raise
-        raise BodyError(f"{path}: {error}") from error
+        raise BodyError(f"{path}: {error}") from None
     except (
         ValueError,
         LookupError,

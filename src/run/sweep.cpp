@@ -5,6 +5,7 @@
 #include "base/text.hpp"
 #include "io/hdf5_file.hpp"
 #include "io/reduced_io.hpp"
+#include "model/port_views.hpp"
 #include "model/project.hpp"
 #include "run/summary.hpp"
 
@@ -97,6 +98,41 @@ void expect_its_body(MPI_Comm comm, const Settings& s, std::int64_t n,
              static_cast<long long>(n)));
 }
 
+/// Kinds of responses of which a reduced body's claim is, by name.
+std::vector<std::string> claimed_kinds(MPI_Comm comm, const std::string& rom) {
+  std::vector<std::string> kinds;
+  const Hdf5File file = Hdf5File::open(comm, rom);
+  agree(comm, [&] {
+    if (file.exists("/error") && file.has_attribute("/error", "kinds"))
+      kinds = file.texts_attribute("/error", "kinds");
+  });
+  return kinds;
+}
+
+/// "displacement from force 7.8e-04 at 812 Hz, …": the largest relative error of each.
+std::string errors_by_kind(const SecondOrderModel& rom,
+                           const std::vector<std::string>& kinds,
+                           const std::vector<double>& omega,
+                           const std::vector<ComplexDense>& H,
+                           const std::vector<ComplexDense>& H_rom) {
+  std::vector<std::string> words;
+  KindSpec each;
+  each.each = true;
+  for (const PortView& view : port_views(rom, each)) {
+    if (std::find(kinds.begin(), kinds.end(), view.name) == kinds.end()) continue;
+    double worst = -1, at = 0;
+    for (std::size_t l = 0; l < omega.size(); ++l) {
+      const double error = relative_error(view.of(H[l]), view.of(H_rom[l]));
+      if (error > worst) {
+        worst = error;
+        at = omega[l];
+      }
+    }
+    words.push_back(text("%s %.2e at %.4g Hz", view.name.c_str(), worst, at * hz));
+  }
+  return join(words);
+}
+
 } // namespace
 
 void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& observer) {
@@ -135,8 +171,13 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& o
         text("at most %.2e at %zu frequencies, largest at %.4g Hz", *worst, omega.size(),
              omega[as_size(worst - epsilon.begin())] * hz);
     observer.fact("error", words);
-    if (observer.level() == Observer::Level::summary)
+    const std::string by_kind =
+        errors_by_kind(rom, claimed_kinds(comm, s.rom), omega, H, H_rom);
+    if (!by_kind.empty()) observer.fact("by kind", by_kind);
+    if (observer.level() == Observer::Level::summary) {
       observer.say("Relative error of H " + words + ".");
+      if (!by_kind.empty()) observer.say("  Of each kind of responses: " + by_kind + ".");
+    }
   }
   observer.fact("solves", text("%d factorisations, backward error at most %.0e",
                                solves.factorisations(), solves.worst_backward_error()));

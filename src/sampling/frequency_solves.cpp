@@ -199,7 +199,10 @@ void FrequencySolves::for_each(const std::vector<double>& omega, const char* wha
   const auto list = mine(omega.size());
   bool ended = false;
   agree(s.groups->world, [&] { // errors inside a group are common to its ranks
-    Progress progress(*s.observer, what, static_cast<int>(list.size()));
+    const int groups = s.groups->count;
+    Progress progress(*s.observer,
+                      groups > 1 ? text("%s of one of %d groups", what, groups) : what,
+                      static_cast<int>(list.size()));
     for (std::size_t l : list) {
       if (ended) break;
       with_context(text("%s %zu of %zu, %g Hz", what, l + 1, omega.size(), omega[l] * hz),

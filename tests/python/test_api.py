@@ -394,6 +394,8 @@ def test_options_as_keywords() -> None:
     assert medium.reduce(1e-3, inputs=None, second_stage="gramian").claim.met
     with pytest.raises(TypeError, match="no option secnd_stage: did you mean second_stage"):
         flexgram.reduce(body, (0.01, 0.2), 1e-3, secnd_stage="gramian")  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="no option tolerance: did you mean tol"):
+        flexgram.reduce(body, (0.01, 0.2), tolerance=1e-3)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="no option checkpoint"):
         flexgram.certify(body, (0.01, 0.2), 1e-3, checkpoint="yes")  # type: ignore[call-arg]
 

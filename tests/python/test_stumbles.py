@@ -201,6 +201,25 @@ def test_a_sweep_beside_another_body(tmp_path: Path) -> None:
     assert "is it that body?" not in said.out + said.err
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_sweep_tells_the_error_of_each_kind(ranks: int, tmp_path: Path) -> None:
+    """The claim is of the worst kind, which that of all of H does not check."""
+    write_body(tmp_path / "b.h5", bar(), **PLAIN, **HELD)
+    rom = reduce(tmp_path / "b.h5", (0, 3000), 1e-2)
+    rom.save(tmp_path / "b.rom.h5")
+    words = ("sweep", tmp_path / "b.h5", tmp_path / "b.rom.h5", "--sweep", "0,3000,31")
+    said = run(*words, "-o", tmp_path / "s.h5", ranks=ranks).out
+    with h5py.File(tmp_path / "s.h5") as file:
+        H, H_r = (file[name][:].view(complex)[..., 0] for name in ("H", "H_rom"))
+    of = {"displacement from force": "f", "rotation from moment": "m"}
+    assert list(of) == rom.claim.kinds
+    for kind, claim in zip(rom.claim.kinds, rom.claim.by_kind, strict=True):
+        k = [i for i, name in enumerate(rom.inputs) if name.split(".")[1][0] == of[kind]]
+        off, size = (np.linalg.norm(x[:, k][:, :, k], axis=(1, 2)) for x in (H - H_r, H))
+        told = float(re.search(rf"{kind} (\S+) at", said)[1])  # type: ignore[index]
+        assert told == pytest.approx((off / size).max(), rel=0.01) and told <= claim
+
+
 def test_faces_of_gmsh_name_nodes(tmp_path: Path) -> None:
     """gmsh writes surfaces as element sets of plane elements, unless it is told otherwise."""
     from test_assemble_deck import deck

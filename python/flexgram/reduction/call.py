@@ -300,6 +300,7 @@ def option_values(
         if key not in known.__annotations__:
             taken = ["band_hz", "tol", "order", "method", *known.__annotations__]
             near = difflib.get_close_matches(key, taken, 1)
+            near += [name for name in taken if key.startswith(name)]
             hint = f": did you mean {near[0]}?" if near else " (help(flexgram.reduce))"
             raise TypeError(f"there is no option {key}{hint}")
         if value is not None:
