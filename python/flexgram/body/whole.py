@@ -315,6 +315,29 @@ def _said_of_supports(file: h5py.File) -> list[str]:
     ]
 
 
+def words_of_materials(file: h5py.File) -> list[str]:
+    """A line for each material: moduli, laws, density."""
+    lines = []
+    for name, material in file.get("materials", {}).items():
+        a = material.attrs
+        if "E" in a:
+            words = f"E = {float(a['E']):.4g} Pa, nu = {float(a['nu']):g}"
+        else:
+            by_matrix = "stiffness" in a
+            moduli = np.ravel(a["stiffness"])[::7] if by_matrix else a["engineering_constants"]
+            said = ", ".join(f"{x:.4g}" for x in np.ravel(moduli)[:3])
+            words = f"{'anisotropic, C' if by_matrix else 'orthotropic, E'} = {said} Pa"
+        if a.get("loss_factor"):
+            words += f", loss factor {float(a['loss_factor']):g}"
+        for part, group in material.items():
+            law = law_of(str(group.attrs["law"]), group.attrs, f"material {name}")
+            words += f", {law.words}"
+            if part in ("shear", "bulk"):
+                words += f" of the {part} modulus"
+        lines.append(f"material {name}: {words}, rho = {float(a['rho']):.4g} kg/m³")
+    return lines
+
+
 def summary(file: h5py.File, parts: int = 1) -> list[str]:
     """What to check in a mesh body, in lines: mass, free motions, materials, damping, all in SI.
     ``parts``: how many the mesh has that nothing joins.
@@ -338,23 +361,7 @@ def summary(file: h5py.File, parts: int = 1) -> list[str]:
     ]
     if dependent := len(Constraints.of(file).dependent):
         lines.append(f"{dependent} dependent dofs follow others, by equations and ties")
-    for name, material in file.get("materials", {}).items():
-        a = material.attrs
-        if "E" in a:
-            words = f"E = {float(a['E']):.4g} Pa, nu = {float(a['nu']):g}"
-        else:
-            by_matrix = "stiffness" in a
-            moduli = np.ravel(a["stiffness"])[::7] if by_matrix else a["engineering_constants"]
-            said = ", ".join(f"{x:.4g}" for x in np.ravel(moduli)[:3])
-            words = f"{'anisotropic, C' if by_matrix else 'orthotropic, E'} = {said} Pa"
-        if a.get("loss_factor"):
-            words += f", loss factor {float(a['loss_factor']):g}"
-        for part, group in material.items():
-            law = law_of(str(group.attrs["law"]), group.attrs, f"material {name}")
-            words += f", {law.words}"
-            if part in ("shear", "bulk"):
-                words += f" of the {part} modulus"
-        lines.append(f"material {name}: {words}, rho = {float(a['rho']):.4g} kg/m³")
+    lines += words_of_materials(file)
     by_material = any(
         m.attrs.get("loss_factor") or _has_law(m, "table", "structural")
         for m in file.get("materials", {}).values()

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.whole import mass_facts, words_of_inertia
+from flexgram.body.whole import mass_facts, words_of_inertia, words_of_materials
 from flexgram.measured import mode_shapes
 from flexgram.model.damped_modes import NaturalModes, losses, sensitivities
 from flexgram.model.geometry import body_of, interface_positions
@@ -222,13 +222,14 @@ def interfaces(model: ReducedBody, body: str | Path | None) -> str:
 
 def weight(model: ReducedBody, body: str | Path | None) -> str:
     """Mass, centre and inertia, in a sentence; empty if they are not known."""
+    materials = _materials(model, body)
     integrals = model.frame.integrals
     if integrals is not None:
         mass, centre = integrals.mass, np.asarray(integrals.centre)
         about = integrals.M_r[3:, 3:] - mass * (
             centre @ centre * np.eye(3) - np.outer(centre, centre)
         )
-        return of_mass(mass, centre, about)
+        return of_mass(mass, centre, about) + materials
     try:
         with h5py.File(body_of(model, body)) as file:
             if "mesh/blocks" not in file:
@@ -236,7 +237,25 @@ def weight(model: ReducedBody, body: str | Path | None) -> str:
             facts = mass_facts(file)
     except (BodyError, OSError):
         return ""
-    return of_mass(facts.mass, facts.centre, facts.inertia)
+    return of_mass(facts.mass, facts.centre, facts.inertia) + materials
+
+
+def _materials(model: ReducedBody, body: str | Path | None) -> str:
+    """Of a body that flexgram assembled, and its damping."""
+    try:
+        with h5py.File(body_of(model, body)) as file:
+            lines = words_of_materials(file)
+            given = [
+                f"{name} = {float(file.attrs[name]):.4g}{unit}"
+                for name, unit in (("alpha", " 1/s"), ("beta", " s"), ("eta", ""))
+                if file.attrs.get(name)
+            ]
+    except (BodyError, OSError):
+        return ""
+    lines += [f"damping: {', '.join(given)}"] if given else []
+    return "".join(
+        f"<p class=lead>{html.escape(line[0].upper() + line[1:])}.</p>" for line in lines
+    )
 
 
 def of_mass(mass: float, centre: Floats, inertia: Floats) -> str:
