@@ -249,6 +249,7 @@ def test_faces_of_gmsh_name_nodes(tmp_path: Path) -> None:
         ("SURF:end", "SURF is unknown: NSET:end for a set"),
         ("NSET:endd", "there is no node set endd, did you mean end?"),
         ("end", "a node set is named with NSET:end"),
+        ("17", "node 17 is named with NODES:17"),
     ],
 )
 def test_selectors(where: str, expected: str, tmp_path: Path) -> None:

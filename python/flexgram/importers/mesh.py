@@ -353,6 +353,8 @@ def _choice(interface: Interface) -> Any:
         return words
     if kind.upper() not in ("NODES", "AT", "BOX"):
         if not words:
+            if kind.isdigit():
+                raise BodyError(f"{place}: node {kind} is named with NODES:{kind}")
             raise BodyError(f"{place}: a node set is named with NSET:{kind}")
         raise BodyError(
             f"{place}: {kind} is unknown: NSET:{words} for a set, NODES:1,2,3, AT:x,y,z or "
