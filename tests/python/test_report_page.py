@@ -93,8 +93,8 @@ def content(made: Path) -> Content:
 def test_what_it_says(content: Content, made: Path) -> None:
     for words in ("From 10 to 500 Hz the responses", "Outside of this nothing is claimed",
                   "one in six million", "12 / 12", "skipped", "buckens", "fx fy fz mx my mz",
-                  "moments of inertia", "Material steel: E = 2.1e+11 Pa", "Damping: alpha = 2.4 1/s",
-                  "-mor_tol 1e-2"):  # fmt: skip
+                  "moments of inertia", "Material steel: E = 2.1e+11 Pa",
+                  "Damping: alpha = 2.4 1/s", "-mor_tol 1e-2"):  # fmt: skip
         assert words in content.text, words
     assert (made / "r.html").stat().st_size < 5e6
     # The body at rest, Gramian, spectrum of the loads, stress over time, largest stress, times.
