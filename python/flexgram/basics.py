@@ -34,14 +34,24 @@ class ReductionWarning(UserWarning):
 
 
 @contextmanager
-def errors_of(path: str | Path) -> Iterator[None]:
-    """Turn whatever a reader raises of a damaged file into one BodyError that names the file."""
+def naming(path: str | Path) -> Iterator[None]:
+    """A BodyError names the file, if it does not."""
     try:
         yield
     except BodyError as error:
         if str(path) in str(error):
             raise
         raise BodyError(f"{path}: {error}") from None
+
+
+@contextmanager
+def errors_of(path: str | Path) -> Iterator[None]:
+    """Turn whatever a reader raises of a damaged file into one BodyError that names the file."""
+    try:
+        with naming(path):
+            yield
+    except BodyError:
+        raise
     except (
         ValueError,
         LookupError,

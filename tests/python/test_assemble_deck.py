@@ -187,7 +187,7 @@ def test_the_command_line(tmp_path: Path) -> None:
         ("C3D10", ("ELSET=BODY, MATERIAL", "ELSET=BOBY, MATERIAL"), "there are BODY"),
         ("C3D10", ("*SOLID SECTION", "*SOILD SECTION"), r"line \d+: .* you mean \*SOLID SECTION"),
         ("C3D10", ("TYPE=C3D10", "TYPE=C3D10X"), "did you mean C3D10"),
-        ("C3D10", ("210e9, 0.3", "210e9, 0.5"), "nu = 0.5 must be above -1 and below 0.5"),
+        ("C3D10", ("210e9, 0.3", "210e9, 0.5"), r"\.inp: materials: .*nu = 0.5 must be above -1"),
         ("C3D10", ("210e9, 0.3", "-210e9, 0.3"), "Young's modulus must be positive"),
         ("C3D10", ("8\n*END STEP", "8\n*BOUNDARY\nEND,1,1,0.1\n*END STEP"), "moves nodes by 0.1"),
         ("C3D10", ("8\n*END STEP", "8\n*BOUNDARY\nNOWHERE,1\n*END STEP"), "no node set NOWHERE"),

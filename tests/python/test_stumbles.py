@@ -354,8 +354,20 @@ def test_hot_spots_at_a_frequency(tmp_path: Path) -> None:
     reduce(tmp_path / "b.h5", (10, 500), order=20).save(rom)
     assert "nothing holds the body" in run("hotspots", rom, "--hz", "0", expect=1).err
     assert "must be a frequency" in run("hotspots", rom, "--hz", "inf", expect=1).err
+    said = run("hotspots", rom, "--count", "1").out
+    assert "5 loads have no place here; --count shows more places" in said
     said = run("hotspots", rom, "--hz", "50000", "--count", "1").out
     assert "reduced for 10 to 500 Hz; at 50000 Hz nothing is claimed" in said
+
+
+def test_a_tolerance_that_doubles_do_not_hold(tmp_path: Path) -> None:
+    """It took two minutes of one user before that was said."""
+    write_body(tmp_path / "b.h5", bar(), **PLAIN, **HELD)
+    words = ("reduce", tmp_path / "b.h5", "--band", "10,500", "-o", tmp_path / "r.h5", "--tol")
+    said = run(*words, "1e-12", expect=None)
+    assert "near the rounding of doubles" in said.out + said.err
+    said = run(*words, "1e-8")
+    assert "rounding of doubles" not in said.out + said.err
 
 
 def test_a_deck_from_python(tmp_path: Path) -> None:

@@ -358,6 +358,7 @@ def run_hotspots(options: argparse.Namespace) -> None:
     import numpy as np
 
     from flexgram.model.geometry import body_of, units_of
+    from flexgram.model.kinds import unit_of
     from flexgram.reduced_model import ReducedModel
     from flexgram.simulation.hot_spots import describe, hot_spots
 
@@ -374,6 +375,14 @@ def run_hotspots(options: argparse.Namespace) -> None:
     )
     for line in describe(spots, units_of(body_of(model, options.body))):
         say(line)
+    cold = [name for name in model.inputs if unit_of(name, False) not in ("K", "K/m")]
+    if others := set(options.input or cold) - {spot.input for spot in spots}:
+        say(
+            f"  note: {len(others)} loads have no place here; --count shows more places, --input "
+            "those of a load"
+        )
+    if options.hz is None and model.frame.rigid_modes:
+        say("  note: nothing holds the body: these are mostly resonances of the free body")
     ends = model.claim.bands / (2 * np.pi)
     if options.hz is not None and not any(a <= options.hz <= b for a, b in ends):
         said = ", ".join(f"{a:g} to {b:g} Hz" for a, b in ends)

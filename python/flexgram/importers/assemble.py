@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError, Floats, errors_of
+from flexgram.basics import BodyError, Floats, errors_of, naming
 from flexgram.body.description import import_description
 from flexgram.importers.alone import COMPONENTS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
@@ -385,7 +385,8 @@ def assemble_deck(
             job, deck, made_of, loads, preload or {}, content["interfaces"]
         )
     content |= further_keys(merge, keep_repeated, spin, preload)
-    counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
+    with naming(path):
+        counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
 
 

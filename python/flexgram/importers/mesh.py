@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, naming
 from flexgram.body.constraints import COMPONENTS
 from flexgram.body.description import import_description
 from flexgram.body.loads import TYPES
@@ -290,7 +290,8 @@ def import_mesh(
         thickness=thickness,
     )
     described |= further_keys(merge, keep_repeated, spin, preload)
-    return import_description(described, str(mesh), output)
+    with naming(mesh):
+        return import_description(described, str(mesh), output)
 
 
 def further_keys(

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, naming
 from flexgram.body.description import import_description
 from flexgram.importers.alone import hold_untouched
 from flexgram.importers.fe import Interface, check_damping
@@ -112,9 +112,10 @@ def assemble_bulk(
             raise BodyError(f"load {name} is given twice: it is one of the deck's")
         content["loads"][name] = entry
     content |= further_keys(merge, bulk.elements.repeats() or keep_repeated, spin, preload)
-    counts = import_description(
-        content, str(path), output, inputs=[path], mesh=bulk.elements.mesh()
-    )
+    with naming(path):
+        counts = import_description(
+            content, str(path), output, inputs=[path], mesh=bulk.elements.mesh()
+        )
     return {**counts, "remarks": bulk.deck.remarks}
 
 

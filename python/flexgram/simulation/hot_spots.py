@@ -205,7 +205,7 @@ def describe(spots: list[HotSpot], units: str = "") -> list[str]:
         f"node {spot.node} at ({', '.join(f'{x:.5g}' for x in spot.place)}) m{_where(spot)}: "
         f"{spot.stress:.4g} N/m² per {unit_of(spot.input, False) or 'unit'} of {spot.input}, "
         f"at {spot.hertz:.5g} Hz "
-        f"({100 * spot.share:.0f} % of its largest)"
+        f"({100 * spot.share:.0f} % of the largest stress that this load causes)"
         for spot in spots
     ]
     lines += [
