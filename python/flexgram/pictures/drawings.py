@@ -226,6 +226,10 @@ def stress(
     return figure
 
 
+#: So many interfaces have their names in a still picture.
+FEW = 12
+
+
 def still(scene: Scene) -> str:
     """The body of a page at rest. It is shown until the page's script draws, and where none can.
 
@@ -253,10 +257,11 @@ def still(scene: Scene) -> str:
         plain = matplotlib.colors.to_rgba(PLAIN)
         _draw(axes, points[scene.triangles], plain, _is_closed(scene.triangles), eye=eye)
     axes.add_collection(LineCollection(eye.flat(points[scene.lines]), color=PLAIN, lw=1.5))
-    for k, (name, (_, at)) in enumerate(scene.marked().items()):
+    marked = scene.marked()
+    for k, (name, (_, at)) in enumerate(marked.items()):
         flat, color = eye.flat(at - centre), MARKS[k % len(MARKS)]
         axes.plot(*flat.T, "s", ms=2.5, mew=0, color=color)
-        if len(flat):
+        if len(flat) and len(marked) <= FEW:
             box = {"facecolor": "white", "edgecolor": color, "alpha": 0.9, "pad": 2}
             axes.text(*flat.mean(axis=0), name, size=8, bbox=box, clip_on=True)
     half *= eye.distance
