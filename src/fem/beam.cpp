@@ -175,6 +175,12 @@ Vector3 unit_vector(int i) {
   return e;
 }
 
+/// ∫ρr² of a section about its axes, by length, as distances along x, y and z.
+Vector3 rotary_inertia(const BeamMaterial& material, const BeamSection& section) {
+  const double rho = section.rotary_inertia * material.density;
+  return {0, rho * section.I_z, rho * section.I_y};
+}
+
 } // namespace
 
 ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
@@ -195,7 +201,8 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
     M(i, j) = M(j, i) = mass * L / 6;
   };
   bar(0, material.E * section.A, line_mass);
-  bar(3, material.G * section.J, rho * (section.I_y + section.I_z));
+  const Vector3 rotary = rotary_inertia(material, section);
+  bar(3, material.G * section.J, rotary[1] + rotary[2]);
   const auto planes = planes_of(material, section, L);
   const double I[2] = {section.I_z, section.I_y}, k[2] = {section.k_y, section.k_z};
   for (std::size_t p = 0; p < 2; ++p) {
@@ -210,13 +217,12 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
                                   shear * (at.dv[i] - at.t[i]) * (at.dv[j] - at.t[j]));
           M(dofs[i], dofs[j]) +=
               sign * at.weight *
-              (line_mass * at.v[i] * at.v[j] + rho * I[p] * at.t[i] * at.t[j]);
+              (line_mass * at.v[i] * at.v[j] + rotary[p + 1] * at.t[i] * at.t[j]);
         }
   }
   result.K = in_global(axes, K);
   result.M = in_global(axes, M);
   // Masses at r = y e_y + z e_z from the axis move by θ × r and are pushed by A r.
-  const double moment[3] = {0, rho * section.I_z, rho * section.I_y};
   Dense beside(12, 9);
   for (const auto& [weight, U, theta] : sections_of(material, section, L))
     for (std::size_t e = 1; e < 3; ++e) {
@@ -227,7 +233,7 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
           for (std::size_t j = 0; j < 3; ++j)
             for (std::size_t c = 0; c < 3; ++c)
               beside(dof, static_cast<int>(3 * i + j)) -=
-                  weight * moment[e] * turned(static_cast<int>(c), dof) * axes[c][i] *
+                  weight * rotary[e] * turned(static_cast<int>(c), dof) * axes[c][i] *
                   axes[e][j];
     }
   result.beside = multiply_transposed(rotation_of(axes), beside);
@@ -236,7 +242,7 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
   Dense turning(
       12, 3); // by rotations of both ends, less what sections resist to one as a whole
   const Dense R = rotation_of(axes);
-  const double inertia[3] = {moment[1] + moment[2], moment[2], moment[1]};
+  const double inertia[3] = {rotary[1] + rotary[2], rotary[2], rotary[1]};
   Dense whole(12, 3);
   for (const auto& [weight, U, theta] : sections_of(material, section, L))
     for (int c = 0; c < 3; ++c)
@@ -268,16 +274,17 @@ Dense beam_coriolis(const Vector3& first, const Vector3& second,
                     const Vector3& axis) {
   double L = 0;
   const auto axes = local_axes(first, second, section.y_axis, L);
-  const double rho = material.density, J[3] = {0, rho * section.I_z, rho * section.I_y};
+  const Vector3 J = rotary_inertia(material, section);
   const Dense W = cross_matrix(in_axes(axes, axis));
   Dense turned(3, 3); // Σ_k J_k (e_i × e_k)ᵀW(e_j × e_k): points at r move by θ × r
   for (int k = 1; k < 3; ++k) {
     const Dense R = cross_matrix(unit_vector(k)); // −(θ × e_k), twice
-    add_to(turned, multiply_transposed(R, multiply(W, R)), J[k]);
+    add_to(turned, multiply_transposed(R, multiply(W, R)), J[as_size(k)]);
   }
   Dense G(12, 12);
   for (const auto& [weight, U, theta] : sections_of(material, section, L)) {
-    add_to(G, multiply_transposed(U, multiply(W, U)), 2 * weight * rho * section.A);
+    add_to(G, multiply_transposed(U, multiply(W, U)),
+           2 * weight * material.density * section.A);
     add_to(G, multiply_transposed(theta, multiply(turned, theta)), 2 * weight);
   }
   return in_global(axes, G, Symmetry::skew);
@@ -301,7 +308,8 @@ Dense beam_gyroscopic(const Vector3& first, const Vector3& second,
     throw Error("spin: in the frame at rest sections have I_y = I_z; others are seen in "
                 "the frame that turns (frame: turning)");
   Dense turned(3, 3); // d/dt of the angular momentum Ω I_p (e + θ × e)
-  turned(1, 2) = material.density * (section.I_y + section.I_z) * along[0];
+  const Vector3 rotary = rotary_inertia(material, section);
+  turned(1, 2) = (rotary[1] + rotary[2]) * along[0];
   turned(2, 1) = -turned(1, 2);
   Dense G(12, 12);
   for (const auto& [weight, U, theta] : sections_of(material, section, L))
@@ -320,24 +328,25 @@ Dense beam_spin_softening(const Vector3& first, const Vector3& second,
     for (int j = 0; j < 3; ++j) P(i, j) = (i == j) - e[as_size(i)] * e[as_size(j)];
   // A section turned by θ moves r by θ×r + ½θ×(θ×r): with J = ∫ρ r rᵀ the second derivatives are
   // ∫ρ (θ×r)ᵀP(θ×r) + θᵀ(½(PJ + JP) − tr(PJ) I)θ.
-  const double rho = material.density, J[3] = {0, rho * section.I_z, rho * section.I_y};
+  const Vector3 J = rotary_inertia(material, section);
   Dense turned(3, 3);
   double trace = 0;
-  for (int i = 0; i < 3; ++i) trace += P(i, i) * J[i];
+  for (int i = 0; i < 3; ++i) trace += P(i, i) * J[as_size(i)];
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) {
-      turned(i, j) = 0.5 * P(i, j) * (J[i] + J[j]) - (i == j) * trace;
+      turned(i, j) = 0.5 * P(i, j) * (J[as_size(i)] + J[as_size(j)]) - (i == j) * trace;
       for (int k = 1; k < 3; ++k) { // (e_i × e_k)ᵀ P (e_j × e_k)
         const Vector3 a = cross(unit_vector(i), unit_vector(k)),
                       b = cross(unit_vector(j), unit_vector(k));
         for (int r = 0; r < 3; ++r)
           for (int c = 0; c < 3; ++c)
-            turned(i, j) += J[k] * a[as_size(r)] * P(r, c) * b[as_size(c)];
+            turned(i, j) += J[as_size(k)] * a[as_size(r)] * P(r, c) * b[as_size(c)];
       }
     }
   Dense S(12, 12);
   for (const auto& [weight, U, theta] : sections_of(material, section, L)) {
-    add_to(S, multiply_transposed(U, multiply(P, U)), weight * rho * section.A);
+    add_to(S, multiply_transposed(U, multiply(P, U)),
+           weight * material.density * section.A);
     add_to(S, multiply_transposed(theta, multiply(turned, theta)), weight);
   }
   return in_global(axes, S);

@@ -80,6 +80,7 @@ struct BeamSection {
   double A = 0, I_y = 0, I_z = 0, J = 0, k_y = 1, k_z = 1;
   Vector3 y_axis{0, 1, 0};
   double torsional_inertia = 1; ///< where mass is lumped: its share of that of all mass
+  double rotary_inertia = 1; ///< where it is not: share of what sections that turn have
 };
 
 struct BeamMaterial {

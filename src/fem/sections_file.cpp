@@ -128,13 +128,18 @@ BeamSection read_section(const Hdf5File& file, const std::string& name) {
   for (auto [key, value] : fields) {
     if (is_rod && value != &section.A) continue;
     *value = file.number_attribute(object, key);
-    if (!(*value > 0))
-      throw Error(text("file %s: section %s: %s = %g must be positive",
-                       file.path().c_str(), name.c_str(), key, *value));
+    const bool may_vanish =
+        *key == 'I' || *key == 'J'; // where supports hold what it moves
+    if (!(*value > 0) && !(may_vanish && *value == 0))
+      throw Error(text("file %s: section %s: %s = %g must be %s", file.path().c_str(),
+                       name.c_str(), key, *value,
+                       may_vanish ? "zero or more" : "positive"));
   }
   if (!is_rod) section.y_axis = fixed<double, 3>(file, object, "y_axis");
   if (file.has_attribute(object, "torsional_inertia"))
     section.torsional_inertia = file.number_attribute(object, "torsional_inertia");
+  if (file.has_attribute(object, "rotary_inertia"))
+    section.rotary_inertia = file.number_attribute(object, "rotary_inertia");
   return section;
 }
 

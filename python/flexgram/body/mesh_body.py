@@ -287,13 +287,14 @@ class MeshBody:
             if not np.linalg.norm(y_axis) > 0:
                 raise BodyError(f"{section.where}: y_axis = [0, 0, 0] has no direction")
             group.attrs["y_axis"] = y_axis
-            share = section.number("torsional_inertia", 1.0)
-            if not 0 <= share <= 1:
-                raise BodyError(
-                    f"{section.where}: torsional_inertia = {share:g} must be from 0 to 1, a share "
-                    "of that of all mass"
-                )
-            group.attrs["torsional_inertia"] = share
+            for key in ("torsional_inertia", "rotary_inertia"):
+                share = section.number(key, 1.0)
+                if not 0 <= share <= 1:
+                    raise BodyError(
+                        f"{section.where}: {key} = {share:g} must be from 0 to 1, a share of that "
+                        "of all mass"
+                    )
+                group.attrs[key] = share
 
     def _write_interfaces(self) -> dict[str, dict[str, Any]]:
         """Write them; returns what is told of each."""

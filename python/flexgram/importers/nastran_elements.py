@@ -336,7 +336,8 @@ class Elements:
         structural = A * float(getattr(prop.mid_ref, "rho", None) or 0.0)
         is_beam = element.type == "CBEAM"
         turns = structural / (structural + nsm) if is_beam and structural else 0.0
-        self.sections[name]["torsional_inertia"] = turns  # none of the mass beside its material's
+        # None of the mass beside its material's, and none of a CBAR's, with coupled mass too.
+        self.sections[name] |= {"torsional_inertia": turns, "rotary_inertia": turns}
         material = self.materials.of(prop.pid, prop.mid_ref, nsm / A, beam=True)
         return self._region(name, material, name)
 

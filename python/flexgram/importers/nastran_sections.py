@@ -88,8 +88,8 @@ def beam_section(prop: Any, place: float = 0.0) -> dict[str, Any]:
             raise BodyError("I12 with two different K1 and K2 is not supported")
         (I2, I1), axes = np.linalg.eigh([[I1, I12], [I12, I2]])
         turn = math.atan2(axes[1, 1], axes[0, 1])
-    if not min(A, I1, I2, J) > 0:
-        raise BodyError("A, I1, I2 and J must be positive")
+    if not (A > 0 and min(I1, I2, J) >= 0):
+        raise BodyError("A must be positive, I1, I2 and J zero or more")
     stiff = 1e6  # K = 0: no shear
     section = general(A, float(I2), float(I1), J, float(k1) or stiff, float(k2) or stiff)
     return section | ({"turn": turn} if turn else {})
