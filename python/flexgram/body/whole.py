@@ -199,6 +199,7 @@ def mass_facts(file: h5py.File) -> MassFacts:
     points = file["mesh/points"][:]
     mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
     inverted, solids = [], 0
+    reduced = file["mesh"].attrs.get("mass_integration") == "reduced"
     for block in file["mesh/blocks"].values():
         kind, every = str(block.attrs["type"]), block["connectivity"][:]
         if kind in SHELLS:
@@ -226,7 +227,11 @@ def mass_facts(file: h5py.File) -> MassFacts:
                 second += spread * turned
             else:
                 volume = np.linalg.det(np.einsum("qka,ekb->eqab", dN, x))
-                wrong = np.flatnonzero(volume.min(axis=1) <= 0)
+                looked_at = volume  # where the program looks
+                if reduced:
+                    at_points = _flexgram.shape_functions(kind, np.empty((0, 3)))[3]
+                    looked_at = np.linalg.det(np.einsum("qka,ekb->eqab", at_points, x))
+                wrong = np.flatnonzero(looked_at.min(axis=1) <= 0)
                 inverted += [(kind, int(block["ids"][start + k])) for k in wrong]
                 solids += len(x)
                 size = np.abs(volume)
@@ -348,8 +353,8 @@ def summary(file: h5py.File, parts: int = 1) -> list[str]:
         For solids that are inverted or flat.
     """
     facts = mass_facts(file)
-    if facts.inverted and file["mesh"].attrs.get("mass_integration") != "reduced":
-        raise BodyError(facts.inverted)  # reduced: at other points, which the assembly looks at
+    if facts.inverted:
+        raise BodyError(facts.inverted)
     at = ", ".join(f"{x:.6g}" for x in facts.centre)
     inertia = words_of_inertia(facts.inertia)
     free = free_in(file)
