@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import glob
 import os
 import shutil
@@ -10,7 +11,7 @@ import sys
 import tempfile
 import time
 import unicodedata
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -31,6 +32,13 @@ class BodyError(ValueError):
 
 class ReductionWarning(UserWarning):
     """A result that may not be what its user needs; the message says why, and what to change."""
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """ ", did you mean …?" where a known word is near, or the same in other letters."""
+    names = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), names, 1, 0.8)
+    return f", did you mean {names[near[0]]}?" if near else ""
 
 
 @contextmanager

@@ -152,9 +152,9 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
   }
   if (rigid_modes >= 6 && !body.turns_by_nodes)
     observer.warn(
-        "the body has ties with a gap, equations of some directions, or masses beside "
-        "their nodes: the frame integrals of second order and the spin loads are "
-        "approximate, with such masses the inertia of the deformed body too");
+        "for multibody codes, some terms of second order are approximate: centrifugal "
+        "and Coriolis forces at ties with a gap, at equations of some directions (as of "
+        "RBE3) and at masses beside their nodes");
   if (rigid_modes >= 6 && s.spin_loads && s.relative_to != RelativeTo::elastic &&
       s.relative_to != RelativeTo::both)
     observer.warn(

@@ -125,6 +125,59 @@ def test_few_moments_of_a_stress(tmp_path: Path) -> None:
     assert "moments are up to 25 ms apart" in said and "--time FIRST,LAST,COUNT" in said
     said = run(*words, "--time", "0,0.1,2001", "-o", tmp_path / "y.csv").out
     assert "ms apart" not in said
+    (tmp_path / "l.csv").write_text("t,end.fy\n0,0\n0.1,1\n")
+    words = (
+        "simulate",
+        tmp_path / "b.rom.h5",
+        "--loads",
+        tmp_path / "l.csv",
+        "-o",
+        tmp_path / "y.csv",
+    )
+    said = run(*words, "--time", "0,1,2", expect=1).err
+    assert "--time and --loads exclude each other" in said
+    words = ("simulate", tmp_path / "b.rom.h5", "--force", "end.Fy=1", "-o", tmp_path / "y.csv")
+    assert "did you mean end.fy?" in run(*words, expect=1).err
+
+
+def test_shells_in_another_unit_are_doubted(tmp_path: Path) -> None:
+    """A thickness in metres in a mesh of millimetres: its mass may hide it."""
+    from sheets import flat, sheet
+
+    mesh = sheet("quad", (6, 4), flat(300.0, 200.0))
+    for thickness, doubted in ((2.0, False), (0.002, True)):
+        counts = import_description(
+            {
+                "units": "mm-t-s",
+                "materials": {"m": {"E": 70000, "nu": 0.3, "rho": 2.7e-9}},
+                "sections": {"s": {"shape": "shell", "thickness": thickness}},
+                "regions": {"all": {"material": "m", "section": "s"}},
+                "interfaces": {"end": {"coupling": "rigid", "nodes": "start"}},
+            },
+            "b", tmp_path / "b.h5", mesh=mesh,
+        )  # fmt: skip
+        assert f"shells of section s: {thickness:g} mm thick, 24 elements" in counts["summary"]
+        assert any("in the units of the mesh?" in w for w in counts["warnings"]) == doubted
+
+
+def test_a_node_of_a_rigid_interface_is_refused(tmp_path: Path) -> None:
+    node = int(bar().point_sets["end"][0]) + 1
+    tip = {"end": {"coupling": "rigid", "nodes": "end"}, "p": {"coupling": "node", "nodes": [node]}}
+    with pytest.raises(BodyError, match=f"node {node} is one of the rigid interface end"):
+        write_body(tmp_path / "b.h5", bar(), **PLAIN, interfaces=tip)
+
+
+def test_slow_loads_that_statics_answer(tmp_path: Path) -> None:
+    """The advice went on when it was followed."""
+    write_body(tmp_path / "b.h5", bar(), **PLAIN)
+    u = np.zeros((400, 6))
+    u[:, 1] = 1 + np.sin(np.linspace(0, 300, 400))
+    for statics, said in ((False, "takes --statics yes"), (True, "answer it, without a claim")):
+        rom = reduce(tmp_path / "b.h5", (10, 500), 1e-2, statics=statics)
+        rom.save(tmp_path / "r.h5")
+        rom = ReducedModel.load(tmp_path / "r.h5")
+        words = judge(rom, np.linspace(0, 1, 400), u).words_of_outside
+        assert any(said in each for each in words)
 
 
 @pytest.mark.parametrize("sheet", [False, True])

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, Floats
+from flexgram.basics import BodyError, Floats, meant
 from flexgram.body.laws import viscous
 from flexgram.body.terms import Term
 from flexgram.body.varying_laws import Parameter, Product, product
@@ -204,7 +204,7 @@ class Parts:
                     "matrices), and a joint needs fx … mz: name their directions at the import, "
                     f"--rows NAME=fx:25,fy:26; {known}"
                 )
-            raise BodyError(f"{interface} is no interface; {known}")
+            raise BodyError(f"{interface} is no interface{meant(interface, names)}; {known}")
         whole = [
             d
             for group in ("x y z", "rx ry rz")

@@ -43,6 +43,23 @@ def rayleigh(words: str, where: str = "--zeta") -> tuple[float, float]:
     return 2 * zeta * first * last / (first + last), 2 * zeta / (first + last)
 
 
+def by_ratio(
+    zeta: str | None, alpha: float | None, beta: float | None
+) -> tuple[float | None, float | None]:
+    """alpha and beta as given, or by a ratio at two frequencies.
+
+    Raises
+    ------
+    BodyError
+        Where both are given.
+    """
+    if zeta is None:
+        return alpha, beta
+    if alpha is not None or beta is not None:
+        raise BodyError("zeta gives alpha and beta: leave these out")
+    return rayleigh(zeta, "zeta")
+
+
 def described(reader: Reader) -> dict[str, float]:
     """``alpha`` [1/s], ``beta`` [s] and ``eta`` of a description's ``damping``, by ``zeta`` too.
 

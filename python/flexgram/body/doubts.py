@@ -106,6 +106,11 @@ def expect_possible_interfaces(
     BodyError
         Naming the interface.
     """
+    of_rigid = {
+        name: group["nodes"][:]
+        for name, group in file["interfaces"].items()
+        if group.attrs["coupling"] == "rigid"
+    }
     kinds = [block.nodes.ravel() for block in elements if block.kind in TURNING]
     turn = np.unique(np.concatenate([*kinds, alone.ravel()]))
     for name, group in file["interfaces"].items():
@@ -115,6 +120,12 @@ def expect_possible_interfaces(
                 f"interface {name}: coupling node is of one node, and it has {len(nodes)}; a rigid "
                 "or a distributing one takes them all"
             )
+        for other, moved in of_rigid.items():
+            if coupling == "node" and np.isin(nodes, moved).any():
+                raise BodyError(
+                    f"interface {name}: node {nodes[0] + 1} is one of the rigid interface {other}, "
+                    f"and moves with it: forces act at {other}"
+                )
         if coupling != "node" and not np.isin(nodes, turn).any():
             places = points[nodes] - points[nodes].mean(axis=0)
             sizes = [*np.linalg.svd(places, compute_uv=False), 0.0]

@@ -41,6 +41,7 @@ from flexgram.body.spin import write_spin
 from flexgram.body.universal_mesh import LEFT_OUT
 from flexgram.body.whole import (
     Block,
+    doubts_of_thickness,
     doubts_of_units,
     expect_no_repeats,
     free_in,
@@ -156,6 +157,7 @@ class MeshBody:
             "warnings": [
                 *left_out,
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
+                *doubts_of_thickness(file, extent),
                 *doubts_of_joints(file, self.points, parts, np.flatnonzero(self.used), held),
                 *doubts_of_hinges(file, reader, self.elements),
                 *doubts_of_stress(file, reader),
@@ -220,6 +222,7 @@ class MeshBody:
     def select(self, choice: Any, where: str) -> Ints:
         """Nodes by set name, by list of 1-based numbers, or, in the mesh's own units, by a box or
         as the one nearest to a place."""
+        in_set = False
         if isinstance(choice, dict) and "at" in choice:
             at = Reader(choice, where, ("at",)).vector("at")
             nodes = np.flatnonzero(self.used)
@@ -252,9 +255,13 @@ class MeshBody:
                 nodes = node_set(self.mesh, self.cells, str(choice))
             except BodyError as error:
                 raise BodyError(f"{where}: {error}") from None
+            in_set = len(nodes) > 0
             nodes = nodes[self.used[nodes]]
         if len(nodes) == 0:
-            raise BodyError(f"{where}: no nodes of the body are selected")
+            raise BodyError(
+                f"{where}: no nodes of the body are selected"
+                + (": those of the set belong to parts in no region" if in_set else "")
+            )
         return np.asarray(nodes, dtype=np.int64)
 
     def select_areas(self, choice: Any, where: str) -> Ints:

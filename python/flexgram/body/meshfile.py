@@ -79,7 +79,8 @@ def read_mesh(path: Path) -> meshio.Mesh:
         raise BodyError(
             f"mesh {path}: meshio cannot read it ({words or type(error).__name__})"
             + (
-                "; --assemble and --run-ccx read decks of solids; from gmsh, save .msh"
+                "; flexgram import --assemble (or --run-ccx) reads decks, and view shows the body "
+                "file; from gmsh, save .msh"
                 if path.suffix.lower() == ".inp"
                 else ""
             )

@@ -250,14 +250,21 @@ def normals_of(points: Floats, nodes: Ints) -> Floats:
     return unit
 
 
-def _around(sheets: list[Sheet], node: int) -> str:
-    """The elements at a node, by section."""
-    of: dict[str, list[int]] = {}
+def _around(points: Floats, sheets: list[Sheet], node: int) -> str:
+    """The elements at a node, together those of one section and direction."""
+    together: list[tuple[str, Floats, list[int]]] = []
     for sheet in sheets:
-        near = sheet.ids[(sheet.nodes == node).any(axis=1)]
-        of.setdefault(sheet.section, []).extend(near.tolist())
-    return "; ".join(
-        f"{ids} of {name}" if name else str(ids) for name, ids in sorted(of.items()) if ids
+        near = (sheet.nodes == node).any(axis=1)
+        normals = normals_of(points, sheet.nodes[near])
+        for number, normal in zip(sheet.ids[near].tolist(), normals, strict=True):
+            for section, first, numbers in together:
+                if section == sheet.section and normal @ first >= np.cos(np.radians(FOLD)):
+                    numbers.append(number)
+                    break
+            else:
+                together.append((sheet.section, normal, [number]))
+    return " or ".join(
+        f"{numbers}" + (f" of {section}" if section else "") for section, _, numbers in together
     )
 
 
@@ -274,12 +281,12 @@ def _expect_smooth(points: Floats, sheets: list[Sheet], nodes: Ints) -> None:
                 if section != sheet.section:
                     raise BodyError(
                         f"at node {node + 1} shells of sections {section} and {sheet.section} "
-                        f"meet: name elements, {_around(sheets, node)}"
+                        f"meet: name elements, {_around(points, sheets, node)}"
                     )
                 if normal @ other < np.cos(np.radians(FOLD)):
                     raise BodyError(
                         f"at node {node + 1} shells meet at an angle, or with normals to different "
-                        f"sides: name elements, {_around(sheets, node)}"
+                        f"sides: name elements, {_around(points, sheets, node)}"
                     )
     missing = np.setdiff1d(nodes, list(first))
     if len(missing):

@@ -24,6 +24,8 @@ from flexgram.body.terms import law_of
 from flexgram.body.units import UNITS, doubt
 from flexgram.body.varying_laws import PRODUCT
 
+#: Thickness of shells over the size of a body: below that its unit is doubted.
+THINNEST = 1e-4
 #: Where programs differ in the order of the nodes of an element.
 NODE_ORDERS = {
     "tetra10": "The last two nodes of a tetra10 change places from gmsh to CalculiX and Abaqus",
@@ -320,6 +322,43 @@ def _said_of_supports(file: h5py.File) -> list[str]:
     ]
 
 
+def _said_of_shells(file: h5py.File) -> list[str]:
+    """Thickness of each section of shells, and how many elements have it."""
+    count: dict[str, int] = {}
+    for block in file["mesh/blocks"].values():
+        if str(block.attrs["type"]) in SHELLS:
+            name = str(block.attrs["section"])
+            count[name] = count.get(name, 0) + len(block["connectivity"])
+    shown = list(count.items())[:12]
+    lines = [
+        f"shells of section {name}: {1e3 * _thickness(file, name):.4g} mm thick, {number} elements"
+        for name, number in shown
+    ]
+    return lines + [f"and {len(count) - 12} more sections of shells"] * (len(count) > 12)
+
+
+def _thickness(file: h5py.File, section: str) -> float:
+    """Of a section of shells [m]."""
+    of = file["sections"][section].attrs
+    return float(np.sum(of.get("layer_thicknesses", of.get("thickness", 0.0))))
+
+
+def doubts_of_thickness(file: h5py.File, extent: Floats) -> list[str]:
+    """Shells that are much thinner than any sheet of a body of this size."""
+    sections = {
+        str(block.attrs["section"])
+        for block in file["mesh/blocks"].values()
+        if str(block.attrs["type"]) in SHELLS
+    }
+    size = float(np.max(extent))
+    return [
+        f"section {name}: shells of {1e3 * t:.3g} mm on a body of {1e3 * size:.4g} mm: is the "
+        "thickness in the units of the mesh?"
+        for name in sorted(sections)
+        if (t := _thickness(file, name)) < THINNEST * size
+    ]
+
+
 def words_of_materials(file: h5py.File) -> list[str]:
     """A line for each material: moduli, laws, density."""
     lines = []
@@ -366,7 +405,7 @@ def summary(file: h5py.File, parts: int = 1) -> list[str]:
     ]
     if dependent := len(Constraints.of(file).dependent):
         lines.append(f"{dependent} dependent dofs follow others, by equations and ties")
-    lines += words_of_materials(file)
+    lines += _said_of_shells(file) + words_of_materials(file)
     by_material = any(
         m.attrs.get("loss_factor") or _has_law(m, "table", "structural")
         for m in file.get("materials", {}).values()
@@ -407,8 +446,9 @@ def damping_lines(
     if is_free and damping.get("alpha", 0) > 0:
         lines.append(
             f"note: alpha slows the rigid motion too, to 1/e in {1 / damping['alpha']:.3g} s. "
-            "Floating frames (exudyn, sid, mbdyn) leave that out; frequency responses, simulate, "
-            "fmu and state-space hold it"
+            "Floating frames (exudyn, sid, mbdyn) leave that out, and with it most of the damping "
+            "of a mechanism whose parts move as wholes; --beta alone is the same everywhere. "
+            "Frequency responses, couple, simulate, fmu and state-space hold it"
         )
     if damping.get("eta") or by_material:
         lines.append(

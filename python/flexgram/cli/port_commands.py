@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexgram.basics import BodyError, Floats, check_name, say, written_aside
+from flexgram.basics import BodyError, Floats, check_name, meant, say, written_aside
 
 if TYPE_CHECKING:
     from flexgram.reduced_model import ReducedModel
@@ -399,7 +399,8 @@ def simulate_options(parser: argparse.ArgumentParser) -> None:
         help="force or moment [N, N m] as an expression in t: + - * / ** < >, sin, exp, where, ...",
     )
     parser.add_argument(
-        "--time", default="0,1,1001", help="first,last,count [s] (default %(default)s)"
+        "--time",
+        help="first,last,count [s] (default 0,1,1001); a file of loads has its own times",
     )
     parser.add_argument("--loads", type=Path, help="CSV of a load history, t,port,...: its times")
     parser.add_argument(
@@ -444,11 +445,14 @@ def run_simulate(options: argparse.Namespace) -> None:
     if not options.force and options.loads is None:
         raise BodyError("no loads: --force PORT=f(t), or --loads FILE")
     if options.loads is not None:
+        if options.time is not None:
+            raise BodyError("--time and --loads exclude each other: the file has its own times")
         t, u = evenly(*read_history(options.loads, model.inputs))
     else:
         try:
-            first, last, count = (float(x) for x in options.time.split(","))
-            t = np.linspace(first, last, count_of(f"--time {options.time}", count))
+            words = options.time or "0,1,1001"
+            first, last, count = (float(x) for x in words.split(","))
+            t = np.linspace(first, last, count_of(f"--time {words}", count))
         except ValueError:
             raise BodyError(f"--time {options.time}: expected first,last,count") from None
         u = np.zeros((len(t), len(model.inputs)))
@@ -456,7 +460,8 @@ def run_simulate(options: argparse.Namespace) -> None:
         port, _, expression = word.partition("=")
         if port not in model.inputs:
             raise BodyError(
-                f"--force {word}: there is no port {port}; there are {', '.join(model.inputs)}"
+                f"--force {word}: there is no port {port}{meant(port, model.inputs)}; there are "
+                f"{', '.join(model.inputs)}"
             )
         try:
             u[:, model.inputs.index(port)] += function_of_time(expression, t)
@@ -501,4 +506,5 @@ def run_simulate(options: argparse.Namespace) -> None:
         peaks = stress_peaks(model, q, u, options.body)
         say(f"  {words_of_stress(model, t, peaks, options.body)}")
         if said := too_far_apart(model, t):
-            say(f"  warning: {said}. Take more of them (--time FIRST,LAST,COUNT)")
+            where = "--time FIRST,LAST,COUNT" if options.loads is None else "in the file of loads"
+            say(f"  warning: {said}. Take more of them ({where})")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError
-from flexgram.body.damping import rayleigh
+from flexgram.body.damping import by_ratio
 from flexgram.importers.fe import Interface
 from flexgram.importers.mesh import interfaces_of
 
@@ -87,10 +87,7 @@ def import_deck(
     from flexgram.importers.assemble import assemble_deck
     from flexgram.importers.nastran_bulk import assemble_bulk
 
-    if zeta is not None:
-        if alpha is not None or beta is not None:
-            raise BodyError("zeta gives alpha and beta: leave these out")
-        alpha, beta = rayleigh(zeta, "zeta")
+    alpha, beta = by_ratio(zeta, alpha, beta)
     more: dict[str, Any] = {
         "units": units,
         "alpha": alpha,

@@ -9,6 +9,7 @@ from typing import Any
 
 from flexgram.basics import BodyError, naming
 from flexgram.body.constraints import COMPONENTS
+from flexgram.body.damping import by_ratio
 from flexgram.body.description import import_description
 from flexgram.body.loads import TYPES
 from flexgram.body.materials import EXPANSION, ISOTROPIC
@@ -219,6 +220,7 @@ def import_mesh(
     alpha: float | None = None,
     beta: float | None = None,
     eta: float | None = None,
+    zeta: str | None = None,
     loads: Mapping[str, Any] | None = None,
     outputs: Mapping[str, Any] | None = None,
     supports: Mapping[str, Any] | None = None,
@@ -245,6 +247,8 @@ def import_mesh(
         Of the mesh: ``SI``, ``mm-t-s``, ``mm-kg-s``, ``in-lbf-s`` or ``ft-lbf-s``.
     alpha, beta, eta : float, optional
         Damping.
+    zeta : str, optional
+        A damping ratio at two frequencies instead of alpha and beta: ``"1%,50,2000"``.
     loads, outputs : mapping, optional
         As in a YAML description: ``{"gravity": {"type": "acceleration"}}``,
         ``{"fillet": {"type": "stress", "nodes": "fillet"}}``.
@@ -276,6 +280,7 @@ def import_mesh(
     >>> counts["points"]
     2768
     """
+    alpha, beta = by_ratio(zeta, alpha, beta)
     check_damping(alpha, beta, eta)
     named = interfaces_of(interfaces)
     described = describe_mesh(

@@ -17,7 +17,13 @@ Body = TypeVar("Body", bound=ReducedBody)
 
 
 def expect_one_body(rom: ReducedBody, what: str) -> None:
-    """Raise BodyError where parts of a body move by themselves."""
+    """Raise BodyError for assemblies, and where parts of a body move by themselves."""
+    if rom.basis.parts:
+        names = ", ".join(rom.basis.parts)
+        raise BodyError(
+            f"{what} takes one body, and this is an assembly: export its parts ({names}), and join "
+            "them in the multibody code"
+        )
     if (count := rom.frame.rigid_modes) > 6:
         raise BodyError(
             f"{what} takes one body with six rigid modes, and this has {count}: loose parts or "

@@ -336,6 +336,6 @@ def words_of_stress(
         )
 
     return (
-        f"largest von Mises stress {said(peaks.von_mises)}; with the sign of the dominant "
-        f"principal stress from {said(peaks.pressure)} to {said(peaks.tension)}"
+        f"largest von Mises stress {said(peaks.von_mises)}; of places in tension "
+        f"{said(peaks.tension)}; of places in compression {said(peaks.pressure)}"
     )

@@ -105,6 +105,7 @@ class HistoryAssessment:
     band_end: float = 0.0  #: [Hz] where the claim ends
     beside: tuple[str, ...] = ()  #: kinds of these loads without a claim of their own
     step: float = 0.0  #: [s] between the times
+    statics: bool = False  #: the body's basis has the static response to every port
 
     @property
     def error(self) -> float:
@@ -169,14 +170,19 @@ class HistoryAssessment:
         if self.below > 1 - ENOUGH:
             said.append(
                 f"{100 * self.below:.3g} % of the energy of the loads lies below the band, "
-                "constant or slow: let the band begin lower (at 0 for a body that is held; a free "
-                "one takes --statics yes and --tol-relative-to elastic)"
+                "constant or slow: "
+                + (
+                    "the static responses in the basis answer it, without a claim"
+                    if self.statics
+                    else "let the band begin lower (at 0 for a body that is held; a free one takes "
+                    "--statics yes)"
+                )
             )
         if len(self.hz) > 1 and 0.5 < 1.05 * self.band_end * self.step:
             said.append(
                 f"the times are {1000 * self.step:.3g} ms apart, so the history holds nothing "
-                f"above {0.5 / self.step:.4g} Hz: what is faster would be taken for something "
-                "slower"
+                f"above {0.5 / self.step:.4g} Hz: what is faster would appear as something "
+                "slower (aliasing)"
             )
         return said
 
@@ -331,6 +337,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
         float(claim.bands.max()) / (2 * np.pi),
         beside,
         float(told.t[1] - told.t[0]),
+        dict(model.provenance.log.get("options") or {}).get("-mor_statics") == "yes",
     )
 
 
