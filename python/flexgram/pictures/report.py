@@ -83,6 +83,10 @@ def _stress(motion: Motion, words: str, model: ReducedBody, body: str | Path | N
     )
 
 
+#: Figures that assemblies do not have.
+OF_BODIES = ("gramian", "stages")
+
+
 class Report:
     """The parts of the page of one body.
 
@@ -112,7 +116,8 @@ class Report:
         try:
             return _image(figures.FIGURES[name](self.model, **arguments), caption, raster)
         except BodyError as reason:
-            self.left.append(f"{name}: {reason}")
+            if name not in OF_BODIES or not self.model.basis.parts:
+                self.left.append(f"{name}: {reason}")
             return ""
 
     def _name(self, rom: Path) -> str:
