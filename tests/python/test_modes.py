@@ -244,7 +244,7 @@ def test_without_a_mesh(model: ReducedModel, tmp_path: Path) -> None:
     assert np.allclose(listed.damping, 1 / (4 * np.pi * listed.hertz), rtol=1e-2)
     chain.save(tmp_path / "chain.h5")
     said = run("modes", tmp_path / "chain.h5").out
-    assert "a damping matrix couples the modes" in said and "at the ports" in said
+    assert "damping couples the modes" in said and "at the ports" in said
     assert model.path is not None
     body_file = model.path.parent / "beam.h5"
     body_file.rename(tmp_path / "away.h5")

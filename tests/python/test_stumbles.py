@@ -140,6 +140,19 @@ def test_few_moments_of_a_stress(tmp_path: Path) -> None:
     assert "did you mean end.fy?" in run(*words, expect=1).err
 
 
+def test_a_body_without_mass_is_doubted(tmp_path: Path) -> None:
+    content = {
+        "materials": {"m": {"E": 2e11, "nu": 0.3, "rho": 0.0}},
+        "regions": {"all": {"material": "m"}},
+        "interfaces": {"end": {"coupling": "rigid", "nodes": "end"}},
+    }
+    counts = import_description(content, "b", tmp_path / "b.h5", mesh=bar())
+    assert any("no mass at all" in words for words in counts["warnings"])
+    content["masses"] = {"m": {"nodes": "start", "mass": 1.0}}
+    counts = import_description(content, "b", tmp_path / "b.h5", mesh=bar())
+    assert not any("no mass at all" in words for words in counts["warnings"])
+
+
 def test_shells_in_another_unit_are_doubted(tmp_path: Path) -> None:
     """A thickness in metres in a mesh of millimetres: its mass may hide it."""
     from sheets import flat, sheet

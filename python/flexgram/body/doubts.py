@@ -144,5 +144,5 @@ def expect_possible_interfaces(
                     f"interface {name} and support {support} share {len(shared)} nodes, such "
                     f"as {shared[0] + 1}: what is held cannot move as a rigid interface. Leave "
                     "the interface out (the forces of a support are an output, --measure "
-                    "NAME=reaction:WHERE), or the support"
+                    "NAME=reaction:WHERE), or the support, or take these nodes out of one"
                 )

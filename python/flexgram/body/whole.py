@@ -278,7 +278,11 @@ def doubts_of_units(file: h5py.File, system: str, extent: Floats) -> list[str]:
     length, mass, _ = UNITS[system]
     found = []
     weighing = {str(block.attrs["material"]) for block in file["mesh/blocks"].values()}
-    for name, material in file.get("materials", {}).items():
+    materials = file.get("materials", {})
+    heavy = any(float(material.attrs["rho"]) > 0 for material in materials.values())
+    if weighing and not heavy and not len(file.get("masses", {})):
+        found.append("the body has no mass at all: nothing vibrates")
+    for name, material in materials.items():
         a = material.attrs
         moduli = a.get("E", a.get("engineering_constants", a.get("stiffness", 0)))
         E, rho = float(np.ravel(moduli)[0]), float(a["rho"])

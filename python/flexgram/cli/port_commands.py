@@ -313,8 +313,8 @@ def run_modes(options: argparse.Namespace) -> None:
         )
     elif modes.coupled > 1e-6:
         say(
-            "  a damping matrix couples the modes: frequencies are those without damping, dampings "
-            "its diagonal (ReducedModel.poles has both as they are)"
+            "  damping couples the modes: here are the frequencies without damping, and the "
+            "damping of each mode by itself (in Python ReducedModel.poles has the coupled modes)"
         )
     found = None
     if options.measured:
