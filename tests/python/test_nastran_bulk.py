@@ -167,6 +167,31 @@ def test_beams(tmp_path: Path) -> None:
         assert abs(np.dot(tip, along)) == pytest.approx(np.linalg.norm(tip), rel=1e-6)
 
 
+def test_a_mean_along_a_line(tmp_path: Path) -> None:
+    """A RBE3 of a grid that is held in what it does not move: a force is shared by the weights.
+    Grids on a line tell nothing of its turning about that."""
+    mesh = sheet("quad", (2, 2), flat(1.0, 1.0))
+    edge = [10 * int(n) + 10 for n in np.flatnonzero(mesh.points[:, 0] > 0.99)]
+    text = bulk(mesh, "PSHELL,1,1,0.02,1,,1\n" + STEEL + clamp(mesh, "123456"))
+    mean = "GRID,900,,1.,.5,0.,,23456\n" + card("RBE3", 51, "", 900, 1, "1.0", 12, *edge)
+    (tmp_path / "m.bdf").write_text(text.replace("ENDDATA", mean + "ENDDATA"))
+    assemble_bulk(tmp_path / "m.bdf", tmp_path / "m.h5", [])
+    a = assembled(tmp_path / "a.h5", tmp_path / "m.h5")
+    assert a["names"] == ["rbe3_51.fx"]
+    nodes = [label // 10 - 1 for label in edge]
+    there = np.isin(a["node"], nodes) & (a["component"] == 0)
+    np.testing.assert_allclose(a["B"][there, 0], 1 / 3, rtol=1e-12)
+    assert np.abs(a["B"][~there]).max() < 1e-12
+    turning = mean.replace("900,1,1.0", "900,4,1.0").replace("23456", "12356")
+    (tmp_path / "m.bdf").write_text(text.replace("ENDDATA", turning + "ENDDATA"))
+    with pytest.raises(BodyError, match="its grids tell nothing of rx: they lie on a line"):
+        assemble_bulk(tmp_path / "m.bdf", tmp_path / "m.h5", [])
+    held = mean.replace("23456", "123456")
+    (tmp_path / "m.bdf").write_text(text.replace("ENDDATA", held + "ENDDATA"))
+    with pytest.raises(BodyError, match="RBE3 51: its grid 900 is held"):
+        assemble_bulk(tmp_path / "m.bdf", tmp_path / "m.h5", [])
+
+
 #: Of MSC's swept wing of 15 degrees (PT145), printed by Nastran [Hz].
 WING = (39.96147, 236.4137, 250.4423, 701.4011, 703.4198, 1153.105, 1375.426)
 

@@ -116,7 +116,7 @@ def test_the_command_line(tmp_path: Path) -> None:
                "RBE2,92,900,123456,80,90\nRBE2,93,901,123456,900\n"), "900 is held by an SPC"),
         (plate("GRID,900,,2.,2.,0.\nSPC1,1,3,90\nRBE2,92,900,123456,80,90\n"),
          "90 is held by an SPC"),
-        (plate("RBE3,92,,50,123456,1.0,123,80,90\n"), "RBE3 92: its grids lie on a line"),
+        (plate("RBE3,92,,50,123456,1.0,123,80,90\n"), "RBE3 92: its grids tell nothing of z"),
         (plate("RBE3,92,,10,123456,1.0,123,80,90,50\n"), "its grid 10 is held"),
         (plate("DMIG,KX,0,6,1,0\nDMIG,KX,50,1,,50,1,1.+5\n"), r"DMIG \(\d\): not supported"),
         (plate("CELAS1,93,7,50,3\n"), "CELAS1 93: its property is missing"),

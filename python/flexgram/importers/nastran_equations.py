@@ -95,16 +95,24 @@ class Equations:
             share = (measured @ carried).T @ (size[:, None] * measured)
             normal += share @ carried
             shares.append(share)
-        scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        if np.linalg.eigvalsh(normal * np.outer(scale, scale))[0] < 1e-10:
-            raise self.deck.refuse("RBE3", number, "its grids lie on a line or in a point")
+        size = np.diag(normal)
+        scale = np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 1)
+        values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
+        told = vectors[:, values > 1e-10]  # motions that the other grids tell
         own = np.kron(np.eye(2), self.deck.axes(reference))
         found = []
         for c in sorted(int(digit) - 1 for digit in str(element.refc) if digit in "123456"):
             if c > 2 and reference not in self.elements.turning:
                 continue
             terms = self.row(reference, c + 1, 1.0)
-            of_mean = np.linalg.solve(normal, own[c])
+            asked = scale * own[c]
+            shares_of_told = told.T @ asked
+            if np.linalg.norm(asked - told @ shares_of_told) > 1e-8 * np.linalg.norm(asked):
+                words = (
+                    f"its grids tell nothing of {COMPONENTS[c]}: they lie on a line or in a point"
+                )
+                raise self.deck.refuse("RBE3", number, words)
+            of_mean = scale * (told @ (shares_of_told / values[values > 1e-10]))
             for n, share in zip(nodes, shares, strict=True):
                 at_node = self.deck.at(n) + 1
                 terms += [

@@ -119,7 +119,10 @@ class RigidElements:
         if len(kept) < len(nodes):
             raise self.deck.refuse(kind, number, "some of its grids belong to no element")
         if reference in held:
-            raise self.deck.refuse(kind, number, f"its grid {reference} is held")
+            if held[reference] & {int(c) for c in str(element.refc)}:
+                raise self.deck.refuse(kind, number, f"its grid {reference} is held")
+            if reference not in self.elements.used:
+                self.elements.take_alone([reference])  # held in what the others do not move
         if reference in self.elements.used:
             self.equations.average(number, element, nodes, weights, averaged)
             if reference in self.elements.alone:
