@@ -201,7 +201,7 @@ void FrequencySolves::for_each(const std::vector<double>& omega, const char* wha
   agree(s.groups->world, [&] { // errors inside a group are common to its ranks
     const int groups = s.groups->count;
     Progress progress(*s.observer,
-                      groups > 1 ? text("%s of one of %d groups", what, groups) : what,
+                      groups > 1 ? text("%s (one of %d groups)", what, groups) : what,
                       static_cast<int>(list.size()));
     for (std::size_t l : list) {
       if (ended) break;

@@ -129,7 +129,7 @@ def test_options_file_and_log_view(rack: Path, tmp_path: Path) -> None:
     result = run(
         "reduce", "-body", rack, "-options_file", options, "-mor_out", out, "-log_view", ranks=2
     )
-    assert "sample 1/" in result.out and "Summary of Stages" in result.out
+    assert "sample (one of 2 groups) 1/" in result.out and "Summary of Stages" in result.out
     with h5py.File(out) as file:
         assert file["log/options"].attrs["-mor_samples"] == "5"
         assert len(file["error/omega"]) == 5
