@@ -35,7 +35,7 @@ class ReductionWarning(UserWarning):
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """ ", did you mean …?" where a known word is near, or the same in other letters."""
+    """The question whether a known word is meant that is near, or empty."""
     names = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), names, 1, 0.8)
     return f", did you mean {names[near[0]]}?" if near else ""

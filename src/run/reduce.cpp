@@ -204,15 +204,6 @@ void warn_of_default_band(const Options& options, Observer& observer) {
                     " Hz");
 }
 
-/// Doubles hold no such tolerance of most bodies, and the search for it is long.
-void warn_of_tiny_tolerance(const Settings& s, Observer& observer) {
-  constexpr double tiny = 1e-11;
-  if (s.order.tolerance && *s.order.tolerance < tiny)
-    observer.warn(text("a tolerance of %g is near the rounding of doubles: the run may "
-                       "take long and not meet it. 1e-8 is met by most bodies",
-                       *s.order.tolerance));
-}
-
 /// The checkpoint of work that is done: what this run wrote or went on from. Of the
 /// folder of samples only samples.
 void remove(const CheckpointSpec& checkpoint, MPI_Comm comm) {
@@ -303,10 +294,20 @@ ReducedModel reduce_for_ports(const Body& body, const Settings& s, Observer& obs
   return rom;
 }
 
+/// Doubles hold no such tolerance of most bodies, and the search for it is long.
+void warn_of_tiny_tolerance(const Settings& s, Observer& observer) {
+  constexpr double tiny = 1e-11;
+  if (s.order.tolerance && *s.order.tolerance < tiny)
+    observer.warn(text("a tolerance of %g is near the rounding of doubles: the run may "
+                       "take long and not meet it. 1e-8 is met by most bodies",
+                       *s.order.tolerance));
+}
+
 } // namespace
 
 ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer,
                          const CheckpointSpec& checkpoint) {
+  warn_of_tiny_tolerance(s, observer);
   observer.print();
   ReducedModel rom;
   if (auto loads = loads_of(body, s, observer)) {
@@ -361,7 +362,6 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
   if (s.medium_out.empty()) {
     const Body body = load_body(comm, s, observer);
     warn_of_default_band(options, observer);
-    warn_of_tiny_tolerance(s, observer);
     const ReducedModel rom = reduce_body(body, s, observer, checkpoint);
     const bool met = write_result(rom, body.model, s, options, observer, before);
     remove(checkpoint, comm);

@@ -54,9 +54,8 @@ std::string words_of(const Claim& claim) {
   if (band.tolerance)
     words += text(", tolerance %g %s", *band.tolerance, band.met ? "met" : "NOT met");
   words += ".";
-  for (const auto& [first, last] : band.bands)
-    if (first == last && band.bands.size() == 1)
-      words += "\n  For all frequencies between two: {band_hz} FIRST,LAST.";
+  if (band.bands.size() == 1 && band.bands[0][0] == band.bands[0][1])
+    words += "\n  For all frequencies between two: {band_hz} FIRST,LAST.";
   if (is_of_kind && std::isfinite(band.worst))
     words += text("\n  It is largest for %s; of H as a whole it is at most %s.",
                   largest->name.c_str(), percent_or_power(band.whole).c_str());

@@ -16,7 +16,7 @@ from test_mesh_loads import write_body
 import flexgram
 from bodies import box
 from conftest import assembled, run
-from flexgram import BodyError, ReducedModel, reduce
+from flexgram import BodyError, ReducedModel, ReductionWarning, reduce
 from flexgram.body.description import import_description
 from flexgram.body.units import doubt
 from flexgram.exporters import export
@@ -435,6 +435,8 @@ def test_a_tolerance_that_doubles_do_not_hold(tmp_path: Path) -> None:
     assert "near the rounding of doubles" in said.out + said.err
     said = run(*words, "1e-8")
     assert "rounding of doubles" not in said.out + said.err
+    with pytest.warns(ReductionWarning, match="near the rounding of doubles"):
+        reduce(tmp_path / "b.h5", (10, 500), 1e-12)
 
 
 def test_a_deck_from_python(tmp_path: Path) -> None:

@@ -193,9 +193,9 @@ def verdict(
         return found
     forms = [m.claim.form for m in models.values() if m.claim.form is not None]
     by_form = FormOverBand(loop, forms, tell) if len(forms) == len(models) else None
-    excluded = np.concatenate([m.claim.excluded for m in models.values()])
-    open_ = np.any([(w >= a) & (w <= b) for a, b in excluded], axis=0) & np.ones(len(w), bool)
-    told = np.flatnonzero(~open_ if curve else 0 * w)
+    told = np.flatnonzero(np.full(len(w), curve))
+    for a, b in np.concatenate([m.claim.excluded for m in models.values()]):
+        told = told[(w[told] < a) | (w[told] > b)]
     if by_form is not None:
         bounds, estimates, found.gain[told] = by_form.at(w[told])
         found.bound[told], found.estimate[told] = bounds[:, 0], estimates[:, 0]

@@ -34,7 +34,9 @@ class Pieces:
         wide = bool(h.any())
         self.count = PIECES if wide else 1
         self.half = 1 / self.count if wide else 0.0
-        self.middles = np.linspace(self.half - 1, 1 - self.half, self.count)
+        self.middles = (
+            self.half - 1 + 2 * self.half * np.arange(self.count) if wide else np.zeros(1)
+        )
         k = np.arange(DEGREE + 3)
         far = np.abs(self.middles)[:, None]
         self.powers = self.middles[:, None] ** k

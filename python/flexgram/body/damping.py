@@ -44,7 +44,7 @@ def rayleigh(words: str, where: str = "--zeta") -> tuple[float, float]:
 
 
 def by_ratio(
-    zeta: str | None, alpha: float | None, beta: float | None
+    zeta: str | None, alpha: float | None, beta: float | None, where: str = "zeta"
 ) -> tuple[float | None, float | None]:
     """alpha and beta as given, or by a ratio at two frequencies.
 
@@ -56,8 +56,8 @@ def by_ratio(
     if zeta is None:
         return alpha, beta
     if alpha is not None or beta is not None:
-        raise BodyError("zeta gives alpha and beta: leave these out")
-    return rayleigh(zeta, "zeta")
+        raise BodyError(f"{where} gives alpha and beta: leave these out")
+    return rayleigh(zeta, where)
 
 
 def described(reader: Reader) -> dict[str, float]:

@@ -260,7 +260,11 @@ class MeshBody:
         if len(nodes) == 0:
             raise BodyError(
                 f"{where}: no nodes of the body are selected"
-                + (": those of the set belong to parts in no region" if in_set else "")
+                + (
+                    ": no element has those of the set; are its parts in a region?"
+                    if in_set
+                    else ""
+                )
             )
         return np.asarray(nodes, dtype=np.int64)
 

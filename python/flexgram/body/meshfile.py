@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import io
 import re
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from flexgram.basics import BodyError, Ints
+from flexgram.basics import BodyError, Ints, meant
 from flexgram.body.ansys_archive import read_archive
 from flexgram.body.universal_mesh import read_universal
 
@@ -158,8 +157,7 @@ def node_set(mesh: meshio.Mesh, regions: dict[str, list[Ints]], name: str) -> In
     if name not in regions:
         names = {*regions, *mesh.point_sets} - {"all"}
         known = sorted(n for n in names if not re.fullmatch(r"section\d+", n))  # of a deck's cards
-        near = difflib.get_close_matches(name, known, 1, 0.7)
-        hint = f", did you mean {near[0]}?" if near else ";"
+        hint = meant(name, known) or ";"
         raise BodyError(
             f"there is no node set {name}{hint} the mesh has {', '.join(known) or 'none'}"
         )

@@ -214,6 +214,7 @@ def mass_facts(file: h5py.File) -> MassFacts:
             N = np.column_stack([1 - at, 1 + at]) / 2
         else:
             _, weight, N, dN = _flexgram.mass_points(kind)
+            at_points = _flexgram.shape_functions(kind, np.empty((0, 3)))[3]  # of its stiffness
         for start in range(0, len(every), 20_000):
             x = points[every[start : start + 20_000]]
             above = 0.0  # of the mass over its points
@@ -231,7 +232,6 @@ def mass_facts(file: h5py.File) -> MassFacts:
                 volume = np.linalg.det(np.einsum("qka,ekb->eqab", dN, x))
                 looked_at = volume  # where the program looks
                 if reduced:
-                    at_points = _flexgram.shape_functions(kind, np.empty((0, 3)))[3]
                     looked_at = np.linalg.det(np.einsum("qka,ekb->eqab", at_points, x))
                 wrong = np.flatnonzero(looked_at.min(axis=1) <= 0)
                 inverted += [(kind, int(block["ids"][start + k])) for k in wrong]

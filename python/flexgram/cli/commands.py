@@ -20,9 +20,8 @@ from flexgram.cli.port_commands import (
     run_frf,
     run_hotspots,
     run_modes,
-    run_simulate,
-    simulate_options,
 )
+from flexgram.cli.simulate_command import run_simulate, simulate_options
 from flexgram.cli.view_command import run_view, view_options
 
 

@@ -370,11 +370,11 @@ def _of_body(options: argparse.Namespace) -> dict[str, Any]:
     """Units and damping."""
     given = {name: getattr(options, name) for name in ("alpha", "beta", "eta")}
     if options.zeta is not None:
-        from flexgram.body.damping import rayleigh
+        from flexgram.body.damping import by_ratio
 
-        if given["alpha"] is not None or given["beta"] is not None:
-            raise BodyError("--zeta gives alpha and beta: leave --alpha and --beta out")
-        given["alpha"], given["beta"] = rayleigh(options.zeta)
+        given["alpha"], given["beta"] = by_ratio(
+            options.zeta, given["alpha"], given["beta"], "--zeta"
+        )
     return {"units": options.units or "SI", **given}
 
 
