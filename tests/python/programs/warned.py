@@ -23,9 +23,8 @@ with warnings.catch_warnings(record=True) as caught:
 said = [str(w.message) for w in caught if w.category is flexgram.ReductionWarning]
 held = [*rom.provenance.warnings, *medium.warnings, *cut.provenance.warnings]
 rom.save("warned.rom.h5")
-for k in range(comm.size):
-    if k == comm.rank:
-        places = {w.filename for w in caught} - {__file__}
-        told = "all" if said == held and len(caught) == len(held) else str(len(caught))
-        print(f"rank {k}: {told} of {len(held)}, {len(places)} elsewhere", flush=True)
-    comm.barrier()
+places = {w.filename for w in caught} - {__file__}
+told = "all" if said == held and len(caught) == len(held) else str(len(caught))
+lines = comm.gather(f"rank {comm.rank}: {told} of {len(held)}, {len(places)} elsewhere")
+if lines:  # rank 0 prints: mpirun may mix the lines of several ranks
+    print(*lines, sep="\n")
