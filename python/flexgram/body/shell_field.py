@@ -100,7 +100,7 @@ class ShellField:
             [N/m²]
         """
         stress = np.zeros((len(self.nodes), 6, len(motion)))
-        for part, place, outward in self._chunks():
+        for part, place, outward in self.chunks():
             rows, _ = part.rows(self.points, side, False)
             at_corners = np.einsum("nq,eqib->enib", outward, rows)
             moved = motion[:, part.nodes, : part.dofs].transpose(1, 2, 3, 0)
@@ -119,13 +119,13 @@ class ShellField:
         """
         stress = np.zeros((len(self.nodes), 6, 1))
         warm = (heat.temperature != 0) | (heat.gradient != 0)
-        for part, place, outward in self._chunks():
+        for part, place, outward in self.chunks():
             if warm[part.nodes].any():
                 held = part.held_stress(self.points, heat, side)
                 np.add.at(stress[..., 0], place, np.einsum("nq,eqi->eni", outward, held))
         return self._mean(stress)[..., 0]
 
-    def _chunks(self) -> Iterator[tuple[Sheet, Ints, Floats]]:
+    def chunks(self) -> Iterator[tuple[Sheet, Ints, Floats]]:
         """Elements, not too many at once, with their places and the extrapolation to corners."""
         import _flexgram
 

@@ -265,14 +265,14 @@ def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Flo
     strain = _strain(gradients).reshape(*size.shape, 6, 3 * count)
     if kind == "hexahedron":  # with the incompatible modes 1 − ξ², condensed
         inner = _incompatible(points, xi, size)
-        weighed = volume[..., None, None] * (_at_points(law) @ inner)
+        weighed = volume[..., None, None] * (at_points(law) @ inner)
         stiffness = np.einsum("eqja,eqjb->eab", weighed, inner)
         coupling = np.einsum("eqja,eqjb->eab", weighed, strain)
         strain = strain - inner @ np.linalg.solve(stiffness, coupling)[:, None]
-    return _at_points(law) @ strain, strain, volume
+    return at_points(law) @ strain, strain, volume
 
 
-def _at_points(law: Floats) -> Floats:
+def at_points(law: Floats) -> Floats:
     """Laws of all elements, of each or at each point, as factors of arrays (E, q, 6, ...)."""
     return law[:, None] if law.ndim == 3 else law
 
@@ -305,15 +305,15 @@ def heat_operator(kind: str, points: Floats, law: Floats, strain: Floats) -> tup
     import _flexgram
 
     _, own, volume = stress_operator(kind, points, law)
-    held = (_at_points(law) @ strain[..., None])[..., 0]
+    held = (at_points(law) @ strain[..., None])[..., 0]
     forces = np.einsum("eq,eqib,eqi->eb", volume, own, held).reshape(points.shape)
     stress = -held
     if kind == "hexahedron":  # its inner modes give way
         xi, weight = _flexgram.shape_functions(kind, np.empty((0, 3)))[:2]
         inner = _incompatible(points, xi, volume / weight)
-        weighed = volume[..., None, None] * (_at_points(law) @ inner)
+        weighed = volume[..., None, None] * (at_points(law) @ inner)
         stiffness = np.einsum("eqia,eqib->eab", inner, weighed)
         push = np.einsum("eq,eqia,eqi->ea", volume, inner, held)
         give = np.linalg.solve(stiffness, push[..., None])[..., 0]
-        stress = stress + (_at_points(law) @ inner @ give[:, None, :, None])[..., 0]
+        stress = stress + (at_points(law) @ inner @ give[:, None, :, None])[..., 0]
     return forces, stress

@@ -15,6 +15,7 @@ from flexgram.basics import BodyError, written_aside
 from flexgram.body.stress import von_mises
 from flexgram.measured import mode_shapes
 from flexgram.model.damped_modes import NaturalModes
+from flexgram.model.mesh_error import mesh_errors, modes_to_judge
 from flexgram.model.recovery import stress_at_nodes, words_of_stress
 from flexgram.model.reduced import ReducedBody
 from flexgram.pictures import figures, page, tables
@@ -24,6 +25,8 @@ from flexgram.pictures.space import Space
 from flexgram.simulation.histories import judge, read_history
 from flexgram.simulation.motions import Motion
 
+#: The page warns where the mesh makes natural frequencies this much too high.
+COARSE = 0.05
 #: Of the stress of a free body under a load history.
 FREE = (
     " Only the loads of this history count. Forces of joints hold neither gravity nor the inertia "
@@ -251,13 +254,31 @@ class Report:
         moved = space.motion(motion.part, q)
         scene.set_history(motion.t[few], moved, stress, len(motion.t), most, name)
 
+    def _errors_of_mesh(self) -> dict[int, float]:
+        """By numbers of modes in the band, how far the mesh makes frequencies too high."""
+        try:
+            numbers = modes_to_judge(self.model)
+            errors = mesh_errors(self.model, numbers, self.body)
+        except BodyError:
+            return {}
+        return dict(zip(numbers.tolist(), errors.tolist(), strict=True))
+
     def plan_and_modes(self) -> list[str]:
         """The modes, free and held; interfaces and mass; what was done."""
+        of_mesh = self._errors_of_mesh()
+        natural = self.natural or NaturalModes.of(self.model)
+        coarse = max(of_mesh.values(), default=0) > COARSE
+        words = tables.error_of_mesh(natural, of_mesh)
+        if coarse:
+            self.told.append(f"{words}: smaller elements, or those of second order, are better")
         plan = tables.plan(self.made.plan) if self.made.plan else "<p>not stored</p>"
         drawn = len(self.scene.motions) if self.scene else 0
         return [
             "<h2>Modes of the reduced body</h2>",
-            tables.modes(self.model, drawn, self.natural),
+            f"<p class={'warning' if coarse else 'lead'}>{words[0].upper()}{words[1:]}.</p>"
+            if words
+            else "",
+            tables.modes(self.model, drawn, natural, of_mesh),
             tables.held(self.model),
             "<h2>Interfaces and mass</h2>",
             tables.interfaces(self.model, self.body),

@@ -69,10 +69,14 @@ def plan(facts: list[tuple[str, str]]) -> str:
 
 
 def modes(
-    model: ReducedBody, drawn: int = 0, natural: NaturalModes | None = None, most: int = 200
+    model: ReducedBody,
+    drawn: int = 0,
+    natural: NaturalModes | None = None,
+    of_mesh: dict[int, float] | None = None,
+    most: int = 200,
 ) -> str:
     """Frequencies, damping and effective masses; the first ``drawn`` elastic ones are buttons that
-    show them."""
+    show them. ``of_mesh``: by their numbers, how far the mesh makes frequencies too high."""
     by_parameter = sensitivities(model.system) if model.system.parameters else {}
     natural = natural or NaturalModes.of(model)
     model, shapes, rigid = natural.model, natural.shapes, natural.rigid
@@ -95,6 +99,7 @@ def modes(
         rows.append(
             f"<tr><td class=n>{j + 1}</td><td class=n>{number}</td>"
             f"<td class=n>{100 * zeta:.3g} %</td>"
+            + (f"<td class=n>{_per_cent(of_mesh.get(j))}</td>" if of_mesh else "")
             + "".join(f"<td class=n>{of[j]:.3f}</td>" for of in by_parameter.values())
             + f"{_numbers(masses, j)}<td>{inside}</td></tr>"
         )
@@ -114,9 +119,28 @@ def modes(
             "<p class=lead>Of a parameter: the relative change of the frequency by that of the "
             "parameter, at its present value.</p>"
         )
+    of_parameters = ("<th>mesh [%]</th>" if of_mesh else "") + of_parameters
     return (
         "<div class=tall><table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th>"
         f"{of_parameters}{of_masses}<th></th></tr>{''.join(rows)}</table></div>{more}{said}"
+    )
+
+
+def _per_cent(error: float | None) -> str:
+    return "" if error is None else f"{100 * error:.2g}"
+
+
+def error_of_mesh(natural: NaturalModes, errors: dict[int, float]) -> str:
+    """What the mesh itself makes of the natural frequencies, in words; empty if it is not known."""
+    if not errors:
+        return ""
+    worst = max(errors, key=lambda j: errors[j])
+    hz = natural.omega[worst] / (2 * np.pi)
+    return (
+        f"the elements of the mesh make natural frequencies in the band too high, by some "
+        f"{_per_cent(errors[worst])} % at most (mode {worst + 1}, {hz:.5g} Hz). This is an "
+        "estimate from jumps of stress between elements, often half of the true error. The claim "
+        "does not include it"
     )
 
 
