@@ -14,6 +14,7 @@ from test_mesh_loads import sided
 import flexgram
 from conftest import body_system
 from flexgram import BodyError, ReducedModel
+from flexgram.assembly.claim import AssemblyBound
 from flexgram.assembly.couple import PORTS, Joint, couple, verdict
 from flexgram.assembly.small_gain import errors_of
 from flexgram.body.description import import_description
@@ -234,3 +235,28 @@ def test_what_is_claimed_and_what_not() -> None:
         {"p0": still, "p1": still}, [Joint("p0.b", "p1.a", damping={"x": 0.3})], omega=[0.0]
     )
     assert np.isfinite(said.bound[0])
+
+
+def test_the_part_that_most_of_the_error_is_of() -> None:
+    """Reduced to a smaller tolerance it makes the assembly better, the other one does not."""
+    rng = np.random.default_rng(17)
+    bodies = {name: random_body(rng, 6) for name in ("p0", "p1")}
+    joints = [Joint("p0.b", "p1.a", ["x", "y"])]
+
+    def of(tolerances: dict[str, float]) -> AssemblyBound:
+        parts = {name: reduced(body, tolerances[name]) for name, body in bodies.items()}
+        found = verdict(parts, joints)
+        assert ("most of it from part" in found.words) == bool(found.most)
+        whole = couple(parts, joints)
+        note = dict(whole.provenance.plan).get("note", "")
+        assert "reduce" not in note or f"reduce {found.most or 'these'} to" in note
+        return found
+
+    def largest(found: AssemblyBound) -> float:
+        return float(found.estimate[np.isfinite(found.estimate)].max())
+
+    for coarse, other in (("p0", "p1"), ("p1", "p0")):
+        found = of({coarse: 1e-2, other: 1e-4})
+        assert found.most == coarse
+        assert largest(of({coarse: 1e-4, other: 1e-4})) < 0.1 * largest(found)
+        assert largest(of({coarse: 1e-2, other: 1e-6})) > 0.5 * largest(found)

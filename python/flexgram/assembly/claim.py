@@ -53,6 +53,9 @@ class AssemblyBound:
         There are resonances beside which nothing can be claimed.
     unknown : str
         Why the claims of the parts say nothing; empty: they do.
+    most : str
+        The part that most of the error is of, where it is largest by ``estimate``; empty: there is
+        none, or it is not known.
     """
 
     omega: Floats
@@ -65,6 +68,7 @@ class AssemblyBound:
     by_kind: dict[str, float] = field(default_factory=dict)
     sharp: bool = False
     unknown: str = ""
+    most: str = ""
 
     @classmethod
     def with_each(cls, bounds: Sequence[Self]) -> Self:
@@ -100,7 +104,9 @@ class AssemblyBound:
             f"; nothing by itself of {', '.join(unknown)}" if unknown else ""
         )
         seen = self.estimate[np.isfinite(self.estimate)]
-        by_kind = (f"; it is about {seen.max():.1e}, by estimate" if len(seen) else "") + by_kind
+        of_part = f", most of it from part {self.most}" if self.most else ""
+        about = f"; it is about {seen.max():.1e}, by estimate{of_part}" if len(seen) else ""
+        by_kind = about + by_kind
         if self.kind == "certified":
             return (
                 f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, "
@@ -199,6 +205,7 @@ def verdict(
     if by_form is not None:
         bounds, estimates, found.gain[told] = by_form.at(w[told])
         found.bound[told], found.estimate[told] = bounds[:, 0], estimates[:, 0]
+        found.most = _part_of_most(found, by_form, list(models))
     else:
         for k in told:
             bounds, found.gain[k] = loop.at(w[k])
@@ -215,6 +222,16 @@ def verdict(
                 found.by_kind[view.name] = mine.worst if same else np.inf
                 found.open = both if same else found.open
     return found
+
+
+def _part_of_most(found: AssemblyBound, by_form: FormOverBand, names: list[str]) -> str:
+    """The part whose error is more than twice that of any other; empty: there is none."""
+    known = np.flatnonzero(np.isfinite(found.estimate))
+    if not len(known) or len(names) < 2:
+        return ""
+    shares = by_form.shares(float(found.omega[known[np.argmax(found.estimate[known])]]))
+    order = np.argsort(shares)
+    return names[order[-1]] if shares[order[-1]] > 2 * shares[order[-2]] else ""
 
 
 def _silent(name: str, model: ReducedBody) -> str:

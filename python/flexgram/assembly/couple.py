@@ -189,8 +189,8 @@ def couple(
     worst = float(fields["error/worst"])
     if largest > 0 and 10 * largest < worst < np.inf:
         fields["log/plan"].append(
-            f"note\tits error is {worst / largest:.2g} times that of its parts: reduce these to a "
-            "smaller tolerance"
+            f"note\tits error is {worst / largest:.2g} times that of its parts: reduce "
+            f"{known.most or 'these'} to a smaller tolerance"
         )
     if varying:
         fields["error/parameter_values"] = values

@@ -208,6 +208,22 @@ class FormOverBand(BandBound):
                 )
         return bounds, differences, gain
 
+    def shares(self, omega: float) -> Floats:
+        """What each part's own difference H_m - H_r makes of the assembly's H to first order, by
+        its norm: of which part the error is."""
+        w = np.array([omega])
+        found = self.small.over(w, np.zeros(1))
+        before, after = found.before.coefficients[0, 0], found.after.coefficients[0, 0]
+        shares, row, column = [], 0, 0
+        for part, model in zip(self.forms, self.loop.parts.models.values(), strict=True):
+            system = model.system
+            H = system.C @ np.linalg.solve(system.dynamic_stiffness(omega), system.B)
+            rows, columns = slice(row, row + len(H)), slice(column, column + H.shape[1])
+            lost = part.form.medium_response(omega) - H
+            shares.append(np.linalg.norm(after[:, rows] @ lost @ before[columns]))
+            row, column = rows.stop, columns.stop
+        return np.array(shares)
+
     def _over(self, omega: Floats, h: Floats) -> tuple[Floats, Floats, Floats]:
         """Bounds (m, 2, pieces, views), gains (2, m, pieces) and the differences of H_m and H_r
         (2, m, pieces, views)."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import Floats
+from flexgram.basics import ComplexArray, Floats
 
 
 @dataclass
@@ -70,6 +70,14 @@ class ErrorForm:
     eta: float
     kappa: float
     cutoff: float
+
+    def medium_response(self, omega: float) -> ComplexArray:
+        """H_m at a frequency [rad/s], (outputs, inputs)."""
+        a_k = 1 + 1j * (self.eta + omega * self.beta)
+        a_m = 1j * omega * self.alpha - omega**2
+        denominator: ComplexArray = a_k * self.stiffness + a_m * self.mass
+        response: ComplexArray = (self.outputs.modal.T / denominator) @ self.inputs.modal
+        return response
 
     @classmethod
     def of(cls, found: dict[str, Any]) -> ErrorForm | None:

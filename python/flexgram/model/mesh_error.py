@@ -46,11 +46,11 @@ def mesh_errors(
 
     The stress of displacements jumps from element to element, that of the exact solution does not.
     The energy of the difference between the elements' stress and its mean at nodes, over that of
-    the mode, is the relative error of ω² [Zienkiewicz and Zhu, Int. J. Numer. Meth. Engng 24
-    (1987) 337]. It tells the size of the error. For plates with one or two elements over the
-    thickness, of seven kinds of elements, the largest of six modes was 0.26 to 0.95 of the true one
-    (``tests/python/test_mesh_error.py``); torsion with a single C3D20 over the thickness hides more
-    of it (0.03). The errors of beams and of the geometry are not in it.
+    the mode, is the relative error of ω² [Zienkiewicz and Zhu, International Journal for Numerical
+    Methods in Engineering 24 (1987) 337]. It tells the size of the error. For plates with one or
+    two elements over the thickness, of six kinds of elements, the largest of six modes was 0.26 to
+    0.95 of the true one (``tests/python/test_mesh_error.py``); torsion with a single C3D20 over the
+    thickness hides more of it (0.03). The errors of beams and of the geometry are not in it.
 
     Parameters
     ----------
