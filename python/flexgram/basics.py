@@ -41,6 +41,11 @@ def meant(word: str, known: Iterable[str]) -> str:
     return f", did you mean {names[near[0]]}?" if near else ""
 
 
+def counted(number: int, thing: str) -> str:
+    """As ``1 node``, ``2 nodes``."""
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
 @contextmanager
 def naming(path: str | Path) -> Iterator[None]:
     """A BodyError names the file, if it does not."""

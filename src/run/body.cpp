@@ -132,9 +132,10 @@ Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
     AssemblyFacts facts;
     body.model =
         assemble_body(file, settings.solver, settings.stiffening, facts, observer);
-    observer.fact("mesh", text("%lld elements, mass %.6g kg, worst shape %.2g",
-                               static_cast<long long>(facts.elements), facts.mass,
-                               facts.worst_shape));
+    observer.fact("mesh",
+                  text("%lld element%s, mass %.6g kg, worst shape %.2g",
+                       static_cast<long long>(facts.elements),
+                       facts.elements == 1 ? "" : "s", facts.mass, facts.worst_shape));
     if (facts.rigid_elements > 0)
       observer.skip("stiffness", text("%lld elements lie inside a rigid interface",
                                       static_cast<long long>(facts.rigid_elements)));

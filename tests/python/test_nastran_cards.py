@@ -223,6 +223,6 @@ def test_elements_with_the_same_grids(tmp_path: Path) -> None:
             tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")]
         )
         said = " ".join(facts["remarks"])
-        assert ("1 elements have the same grids as others (first" in said) == bool(more)
+        assert ("1 element with the same grids as others (first" in said) == bool(more)
         found.append(assembled(tmp_path / "m.h5", tmp_path / "p.h5")["M"].sum())
     assert found[1] > 1.02 * found[0]

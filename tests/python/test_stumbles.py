@@ -229,7 +229,7 @@ def test_parts_in_no_region_are_told(sheet: bool, tmp_path: Path) -> None:
     }
     counts = import_description(content, "b", tmp_path / "b.h5", mesh=mesh)
     told = [words for words in counts["warnings"] if "in no region" in words]
-    assert told == [f"{what} are in no region: the body is without them"]
+    assert told == [f"{what} in no region: the body is without them"]
     if sheet:
         assert any(f"mass {area * 78.5:.6g} kg" in line for line in counts["summary"])
     content["regions"]["rest"] = {"material": "m", **section}

@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Bools, Floats, Ints
+from flexgram.basics import BodyError, Bools, Floats, Ints, counted
 from flexgram.body.faces import CORNERS
 from flexgram.body.materials import write_material
 from flexgram.body.meshfile import (
@@ -141,7 +141,8 @@ def _left_out(
         words = f"{block.type}{of}"
         missing[words] = missing.get(words, 0) + int(left.sum())
     return [
-        f"{count} elements ({words}) are in no region: the body is without them"
+        f"{counted(count, 'element')} ({words}) in no region: the body is without "
+        f"{'it' if count == 1 else 'them'}"
         for words, count in missing.items()
     ]
 

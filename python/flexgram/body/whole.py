@@ -15,7 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from flexgram.basics import BodyError, Floats, Ints
+from flexgram.basics import BodyError, Floats, Ints, counted
 from flexgram.body.constraints import COMPONENTS, Constraints
 from flexgram.body.discrete import Places
 from flexgram.body.free_motions import alone_in, free_motions, springs_of
@@ -335,7 +335,8 @@ def _said_of_shells(file: h5py.File) -> list[str]:
             count[name] = count.get(name, 0) + len(block["connectivity"])
     shown = list(count.items())[:12]
     lines = [
-        f"shells of section {name}: {1e3 * _thickness(file, name):.4g} mm thick, {number} elements"
+        f"shells of section {name}: {1e3 * _thickness(file, name):.4g} mm thick, "
+        f"{counted(number, 'element')}"
         for name, number in shown
     ]
     return lines + [f"and {len(count) - 12} more sections of shells"] * (len(count) > 12)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flexgram.basics import say
+from flexgram.basics import counted, say
 from flexgram.body.whole import damping_lines, words_of_inertia
 
 
@@ -17,12 +17,14 @@ def _interface(facts: dict[str, Any]) -> str:
     """An interface in a line: coupling, nodes, and where its reference is and why there."""
     at = ", ".join(f"{x:.6g}" for x in facts["position"])
     why = f": {facts['middle']}" if facts["middle"] else ""
-    return f"{facts['coupling']}, {facts['nodes']} nodes, reference at ({at}) m{why}"
+    return f"{facts['coupling']}, {counted(facts['nodes'], 'node')}, reference at ({at}) m{why}"
 
 
 def say_mesh(output: Path, counts: dict[str, Any]) -> None:
     """Of a body that flexgram assembles."""
-    say(f"  {output}: {counts['points']} nodes, {counts['elements']} elements")
+    say(
+        f"  {output}: {counted(counts['points'], 'node')}, {counted(counts['elements'], 'element')}"
+    )
     say(f"  it measures {_lengths(counts['extent'])} m")
     for name, facts in counts["interfaces"].items():
         say(f"  interface {name}: {_interface(facts)}")

@@ -9,7 +9,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from flexgram.basics import BodyError, Floats
+from flexgram.basics import BodyError, Floats, counted
 from flexgram.body.meshfile import AXES, LABELS, MEMBRANE
 from flexgram.body.orientation import with_second
 from flexgram.body.reader import Reader
@@ -117,8 +117,8 @@ class Elements:
         if pairs:
             a, b = pairs[0]
             self.deck.remark(
-                f"{len(pairs)} elements have the same grids as others (first {a} and {b}): all "
-                "count, as in Nastran"
+                f"{counted(len(pairs), 'element')} with the same grids as others (first {a} and "
+                f"{b}): all count, as in Nastran"
             )
         return bool(pairs)
 
