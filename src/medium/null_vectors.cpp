@@ -14,17 +14,25 @@ namespace flexgram {
 namespace {
 
 /// Null vectors of K to the rounding of their entries: their exact image under K, and the
-/// factor of K + sM, take away what is elastic in them. Orthonormal to `known` ones.
-Block corrected(const CertifyRun& run, Block vectors, const Block& known) {
+/// factor of K + sM, take away what is elastic in them. Vectors that K resists become shorter.
+Block corrected(const CertifyRun& run, Block vectors) {
   const Dense one = identity(static_cast<int>(vectors.columns()));
   for (int step = 0; step < 2; ++step)
     add_product(vectors, -1.0,
                 run.factors.solve(multiply_accurately(run.fom.K, vectors).product,
                                   ShiftedSolver::Verify::none),
                 one);
-  // Vectors that the stored K resists a little have become shorter.
-  return orthonormalise(std::move(vectors), known, {run.fom.M, run.fom.K, 0}, 1e-12)
-      .vectors;
+  return vectors;
+}
+
+/// Of unit mass each.
+Block normalised(const CertifyRun& run, Block vectors) {
+  const Dense masses = inner(vectors, multiply(run.fom.M, vectors));
+  std::vector<double> scales;
+  for (int j = 0; j < masses.columns; ++j)
+    scales.push_back(masses(j, j) > 0 ? 1 / std::sqrt(masses(j, j)) : 1.0);
+  scale_columns(vectors, scales);
+  return vectors;
 }
 
 /// The space again, null vectors of K among its rigid modes.
@@ -35,7 +43,9 @@ std::unique_ptr<MediumSpace> space_with(const CertifyRun& run, const MediumSpace
   Block known;
   if (before > 0)
     known = combine(space.V(), first_columns(identity(space.columns()), before));
-  Block rigid = corrected(run, combine(space.V(), null), known);
+  Block rigid = orthonormalise(corrected(run, combine(space.V(), null)), known,
+                               {run.fom.M, run.fom.K, 0}, 1e-12)
+                    .vectors;
   Dense of_null = inner(rigid, multiply_accurately(run.fom.K, rigid).product);
   symmetrise(of_null);
   Dense stiffness(before + null.columns, before + null.columns);
@@ -81,7 +91,8 @@ void take_out_null_vectors(const CertifyRun& run, ModalSpace& modal) {
     pairs = ritz_pairs(*modal.space);
   }
   const Dense slow = first_columns(pairs.vectors, candidates);
-  const RigidSplit split = split_rigid(run.fom, combine(modal.space->V(), slow), true);
+  const RigidSplit split = split_rigid(
+      run.fom, normalised(run, corrected(run, combine(modal.space->V(), slow))), true);
   const int null = split.count;
   run.observer.fact("slow modes",
                     text("%d below %.3g Hz: %d of them rigid, by a factorisation of "

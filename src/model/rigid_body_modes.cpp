@@ -110,6 +110,9 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   // Of a body that may be unstable, negative energies are no rounding.
   const double relative = 16 * std::max(epsilon, 0.25 * model.rounding),
                negative = model.may_be_unstable() ? 0.0 : std::max(0.0, -turned(0, 0));
+  // What roundings in all entries of a vector cost, where K holds none of the mass that it moves.
+  const double of_entries =
+      computed ? std::pow(64 * epsilon, 2) * eigenvalue_scale(model) : 0.0;
   std::vector<int> order, rest;
   for (int j = 0; j < count; ++j) {
     const auto at = as_size(j);
@@ -122,8 +125,9 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
                                    4 * epsilon * sizes[at], 3 * negative,
                                    computed ? 16 * epsilon * sizes[at] : 0.0}),
                  most = std::max({256 * epsilon, 4 * model.rounding, shown}) * sizes[at];
-    const bool is_rigid = lambda <= std::min(noise, most) &&
-                          (!model.may_be_unstable() || lambda >= -std::min(noise, most));
+    const double rounding = std::max(std::min(noise, most), of_entries);
+    const bool is_rigid =
+        lambda <= rounding && (!model.may_be_unstable() || lambda >= -rounding);
     (is_rigid ? order : rest).push_back(j);
   }
   split.count = static_cast<int>(order.size());

@@ -17,9 +17,10 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 from audit_cases import CLASSES, DAMPINGS, random_case
 
+import flexgram
 from audit import examine
 from conftest import ENVIRONMENT, ROOT, rom_matrices, rom_system, run
-from flexgram import write_matrices
+from flexgram import BodyError, write_matrices
 from referee import TWO_PI, System, hard_frequencies, relative_error
 
 
@@ -363,3 +364,29 @@ def test_a_mode_on_the_cutoff(index: int) -> None:
     case = random_case(rng, "mode on cutoff", DAMPINGS[(index // 12) % len(DAMPINGS)])
     verdict = examine(case, rng)
     assert verdict.outcome == "certified" and verdict.ratio <= 1
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+@pytest.mark.parametrize("loose", [1, 6, 100])
+def test_masses_that_nothing_holds_are_rigid(loose: int, coupled: bool) -> None:
+    """A piece of a held chain, cut out: one rigid mode. Of a single mass K has no stiffness at
+    all."""
+    n, at = 300, 150
+    K = 1e6 * sp.diags([-1.0, 2, -1], [-1, 0, 1], shape=(n, n)).tolil()
+    for left in (at - 1, at + loose - 1):
+        K[left, left + 1] = K[left + 1, left] = 0
+        K[left, left] -= 1e6
+        K[left + 1, left + 1] -= 1e6
+    M = sp.diags([1 / 6, 4 / 6, 1 / 6], [-1, 0, 1], shape=(n, n)) if coupled else sp.eye(n)
+    B = np.zeros((n, 2))
+    B[at, 0] = B[0, 1] = 1
+    body = flexgram.Matrices(K.tocsr(), M.tocsr(), B, beta=1e-5)
+    rom = flexgram.reduce(body, (1, 50), 1e-4)
+    assert rom.frame.rigid_modes == 1 and rom.claim.met
+    omega = 2 * np.pi * np.array([1.0, 7.3, 31.0, 50.0])
+    for w, H in zip(omega, rom.transfer(omega), strict=True):
+        A = (1 + 1j * w * 1e-5) * K.toarray() - w**2 * M.toarray()
+        full = B.T @ np.linalg.solve(A, B)
+        assert np.linalg.norm(H - full) <= rom.claim.supremum * np.linalg.norm(full)
+    with pytest.raises(BodyError, match="free body has no finite response"):
+        flexgram.reduce(body, (0, 50), 1e-4)
