@@ -141,6 +141,8 @@ def test_the_command_line(tmp_path: Path) -> None:
     path = deck(tmp_path / "bar.inp", "C3D20", model="*DAMPING, ALPHA=7.0\n")
     text = path.read_text().replace("*SOLID SECTION", "*DAMPING, ALPHA=7.0\n*SOLID SECTION")
     path.write_text(text.replace("\n*DAMPING, ALPHA=7.0\n*STEP", "\n*STEP"))
+    unused = "*MATERIAL, NAME=ALU\n*ELASTIC\n70000., .3\n*DENSITY\n2.7e-9\n"
+    path.write_text(path.read_text().replace("*MATERIAL", unused + "*MATERIAL", 1))
     shifted(path, 500)
     said = run(
         "import",
@@ -153,7 +155,7 @@ def test_the_command_line(tmp_path: Path) -> None:
         "-o",
         tmp_path / "bar.h5",
     ).out
-    assert "damping of the deck (*DAMPING): alpha 7" in said
+    assert "damping of the deck (*DAMPING): alpha 7" in said and "ALU" not in said
     run(
         "reduce",
         "-body",

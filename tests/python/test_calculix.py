@@ -116,12 +116,17 @@ def test_damping_of_the_deck(tmp_path: Path) -> None:
         ",, 20., 3e-6\n*END STEP\n"
     )
     assert (modal.alpha, modal.beta, modal.eta) == (20.0, 3e-6, 0.0)
-    material = damping("*MATERIAL, NAME=STEEL2\n*DAMPING, ALPHA=5., BETA=1e-5\n" + FREQUENCY)
+    other = "*MATERIAL, NAME=STEEL2\n*DAMPING, ALPHA=5., BETA=1e-5\n"
+    unused = damping(other + FREQUENCY)
+    assert unused.alpha == 0 and not unused.remarks
+    material = damping(other + "*SOLID SECTION, ELSET=NONE, MATERIAL=STEEL2\n" + FREQUENCY)
     assert material.alpha == 0 and "differ:" in material.remarks[0]  # STEEL has none
     deck = write_deck(tmp_path / "one.inp", "C3D10", FREQUENCY)
     deck.write_text(deck.read_text().replace("*DENSITY", "*DAMPING, ALPHA=5., BETA=1e-5\n*DENSITY"))
-    one = damping_of(read_job(deck))
-    assert (one.alpha, one.beta) == (5.0, 1e-5)
+    for text in ("", "*MATERIAL, NAME=ALU\n*DENSITY\n2700\n"):  # of no element
+        deck.write_text(text + deck.read_text())
+        one = damping_of(read_job(deck))
+        assert (one.alpha, one.beta) == (5.0, 1e-5)
     ratios = damping("*STEP\n*MODAL DYNAMIC\n*MODAL DAMPING\n1, 5, 0.02\n*END STEP\n")
     assert (ratios.alpha, ratios.beta) == (0, 0) and "left out" in ratios.remarks[0]
     assert damping(DAMPED).dashpots == [(8001, 8002, 50.0), (8003, 8001, 50.0)]

@@ -301,7 +301,9 @@ def assemble_deck(
     materials = materials_of(job) | materials_of_sections(job)
     sections = sections_of(job, deck, abaqus=abaqus)
     mesh, material_of, overlapping = mesh_of(job, deck, materials, sections)
-    damping = damping_of(job)
+    used = _used_materials(_used_sections(sections, material_of), material_of)
+    materials = {name: of for name, of in materials.items() if name in used}
+    damping = damping_of(job, used)
     points = points_of(job, deck)
     remarks = [*of_surfaces, *deck.remarks, *damping.remarks, *points.remarks]
     if relaxing := [name for name, of in materials.items() if "viscoelastic" in of]:
@@ -375,19 +377,21 @@ def assemble_deck(
     }
     remarks += add_couplings(job, deck, couplings, content)
     if deck_loads:
-        layers = [
-            layer["material"]
-            for section in _used_sections(sections, material_of).values()
-            for layer in section.get("layers", ())
-        ]
-        made_of = [materials[name] for name in (*material_of.values(), *layers) if name]
         remarks += _add_loads_of_steps(
-            job, deck, made_of, loads, preload or {}, content["interfaces"]
+            job, deck, materials.values(), loads, preload or {}, content["interfaces"]
         )
     content |= further_keys(merge, keep_repeated, spin, preload)
     with naming(path):
         counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
+
+
+def _used_materials(
+    sections: Mapping[str, dict[str, Any]], material_of: Mapping[str, str]
+) -> set[str]:
+    """Those of regions and of the layers of their sections."""
+    layers = {of["material"] for s in sections.values() for of in s.get("layers", ())}
+    return {name for name in (*material_of.values(), *layers) if name}
 
 
 def _used_sections(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import takewhile
 from pathlib import Path
@@ -334,15 +334,31 @@ def _number(words: list[str], at: int) -> float:
     return float(words[at]) if at < len(words) and words[at] else 0.0
 
 
-def _damping_by_material(job: Job, remarks: list[str]) -> dict[str, tuple[float, float, float]]:
-    """ALPHA, BETA and STRUCTURAL of each material, zero where it has no ``*DAMPING``."""
+def _materials_of_sections(job: Job) -> set[str]:
+    """Names of the materials that sections name, others are of no element; without sections all."""
+    found: set[str] = set()
+    for card in job.model:
+        if card.keyword.endswith("SECTION"):
+            found.add(card.options.get("MATERIAL", "").upper())
+            if "COMPOSITE" in card.options:
+                found |= {words[2].upper() for words in card.words() if len(words) > 2}
+    if not any(card.keyword.endswith("SECTION") for card in job.model):
+        found = {c.options.get("NAME", "").upper() for c in job.model if c.keyword == "MATERIAL"}
+    return found
+
+
+def _damping_by_material(
+    job: Job, used: Container[str], remarks: list[str]
+) -> dict[str, tuple[float, float, float]]:
+    """ALPHA, BETA and STRUCTURAL of each material in use, zero where it has no ``*DAMPING``."""
     found: dict[str, tuple[float, float, float]] = {}
     name = ""
     for card in job.model:
         if card.keyword == "MATERIAL":
             name = card.options.get("NAME", "").upper()
-            found[name] = (0.0, 0.0, 0.0)
-        elif card.keyword == "DAMPING" and name:
+            if name in used:
+                found[name] = (0.0, 0.0, 0.0)
+        elif card.keyword == "DAMPING" and name in found:
             keys = ("ALPHA", "BETA", "STRUCTURAL")
             alpha, beta, eta = (float(card.options.get(key) or 0) for key in keys)
             one, two, three = found[name]
@@ -352,7 +368,7 @@ def _damping_by_material(job: Job, remarks: list[str]) -> dict[str, tuple[float,
     return found
 
 
-def _rayleigh(job: Job, damping: Damping) -> None:
+def _rayleigh(job: Job, used: Container[str], damping: Damping) -> None:
     """Of ``*MODAL DAMPING, RAYLEIGH``, else of the materials, if all that are damped agree."""
     every = [card for step in [job.model, *job.steps] for card in step]
     modal = [card for card in every if card.keyword == "MODAL DAMPING"]
@@ -364,7 +380,7 @@ def _rayleigh(job: Job, damping: Damping) -> None:
             )
             continue
         found |= {(_number(words, 2), _number(words, 3), 0.0) for words in card.words()}
-    of_materials = _damping_by_material(job, damping.remarks)
+    of_materials = _damping_by_material(job, used, damping.remarks)
     if not found and any(map(any, of_materials.values())):
         rayleigh = {(alpha, beta) for alpha, beta, _ in of_materials.values()}
         losses = {eta for *_, eta in of_materials.values()}
@@ -390,8 +406,14 @@ def _rayleigh(job: Job, damping: Damping) -> None:
         damping.remarks.append(f"damping of the deck ({source}): {said or 'none'}")
 
 
-def damping_of(job: Job) -> Damping:
+def damping_of(job: Job, used: Container[str] | None = None) -> Damping:
     """Rayleigh and structural damping of a deck, and its dashpots.
+
+    Parameters
+    ----------
+    job : Job
+    used : container of str, optional
+        The materials of elements: the damping of others does not count. Default: those of sections.
 
     Raises
     ------
@@ -400,7 +422,7 @@ def damping_of(job: Job) -> Damping:
     """
     damping = Damping()
     try:
-        _rayleigh(job, damping)
+        _rayleigh(job, _materials_of_sections(job) if used is None else used, damping)
         constants: dict[str, float | None] = {}
         for card in job.model:
             if card.keyword == "DASHPOT":
