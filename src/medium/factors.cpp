@@ -41,6 +41,13 @@ std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
           path("single precision on disk", true, true, 1, 0)};
 }
 
+void warn_of_memory(double needed_mb, double limit_mb, Observer& observer) {
+  if (limit_mb > 0 && needed_mb > limit_mb)
+    observer.warn(text("the run may take %.0f MB on a rank, and %.0f MB may be used "
+                       "({memory_limit_mb}): more ranks share it",
+                       needed_mb, limit_mb));
+}
+
 FactorEstimate choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
                               const SolverOptions& options, Observer& observer,
                               bool every) {
@@ -56,7 +63,9 @@ FactorEstimate choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom
     return limit == 0 || std::max(path.peak_mb, path.mumps_mb) <= limit;
   });
   const bool fits = taken != paths.end();
-  if (!fits) --taken;
+  if (!fits) // the last, unless that saves nothing that counts
+    taken = paths.back().peak_mb < 0.9 * paths.front().peak_mb ? paths.end() - 1
+                                                               : paths.begin();
   solver.use(taken->single, taken->out_of_core);
 
   observer.fact(
@@ -93,9 +102,7 @@ FactorEstimate choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom
     observer.warn(
         "the factors go to disk ({mumps_icntl_22} 1, folder MUMPS_OOC_TMPDIR or "
         "/tmp): each solve reads them; more ranks would hold them in memory");
-  if (!fits && !taken->out_of_core)
-    observer.warn(text("the run may take %.0f MB on a rank, %.0f MB may be used",
-                       taken->peak_mb, limit));
+  if (!fits) warn_of_memory(taken->peak_mb, limit, observer);
   observer.print(); // before the first factorisation, which may take long
   return estimate;
 }

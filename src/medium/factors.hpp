@@ -37,9 +37,12 @@ constexpr double from_cutoff = 2.7, from_within = 1.9;
 /// vectors of so many rows.
 double memory_of_modes(PetscInt rows, double columns);
 
-/// Analyses, takes the first path that fits into the memory limit (the last, with a
-/// warning, if none does; the user's -mor_precision limits the choice), makes the solver
-/// follow it, and tells.
+/// Warns where that is more than the limit; 0: there is none.
+void warn_of_memory(double needed_mb, double limit_mb, Observer& observer);
+
+/// Analyses, takes the first path that fits into the memory limit (with a warning, if none does,
+/// the last, or the first if that takes as much; the user's -mor_precision limits the choice), makes
+/// the solver follow it, and tells.
 /// @param every  tell all paths, not only the one taken.
 /// @return the estimate of the analysis, in double precision.
 /// @note Collective.
@@ -71,6 +74,7 @@ public:
   int solved_columns() const { return solved_columns_; }
   void count_from(int factorisations, int solved_columns);
   bool fell_back() const { return solver_.fell_back(); }
+  double memory_limit_mb() const { return options_.mumps.memory_limit_mb; }
 
 private:
   const SecondOrderModel& fom_;

@@ -96,6 +96,7 @@ void tell_memory(const CertifyRun& run, double modes, bool within) {
   run.observer.fact("memory", text("the run about %.0f MB on a rank, with the vectors of "
                                    "%.0f modes",
                                    most, modes));
+  warn_of_memory(most, run.factors.memory_limit_mb(), run.observer);
   run.observer.print(); // before it is used
 }
 

@@ -146,3 +146,12 @@ def test_modes_that_the_only_port_cannot_move(tmp_path: Path) -> None:
         H = (B.T @ spsolve(A.tocsc(), B[:, 0]))[0]
         H_r = (rom.C @ np.linalg.solve(rom.K + (0.01j * w - w * w) * rom.M, rom.B))[0, 0]
         assert abs(H - H_r) <= rom.certified_error * abs(H)
+
+
+def test_a_run_that_takes_more_than_it_may_is_warned_of() -> None:
+    """Its factors are small, the vectors of its modes are not."""
+    body = flexgram.Matrices(**chain(3000))
+    band = (0.001, 2 * np.sin(120 * np.pi / 6002) / 2 / np.pi)
+    with pytest.warns(flexgram.ReductionWarning, match=r"may take \d+ MB .* and 60 MB may be"):
+        flexgram.reduce(body, band, 1e-2, options={"mor_memory_limit_mb": 60})
+    assert not flexgram.reduce(body, band, 1e-2).provenance.warnings
