@@ -11,9 +11,12 @@ import scipy.sparse as sp
 from test_elastic import LAST, Free
 from test_mesh_loads import sided, write_body
 
+from bodies import box, write_body_file
 from conftest import body_system, run
 from flexgram import BodyError, Matrices, ReducedModel, reduce
+from flexgram.body.stress import von_mises
 from flexgram.simulation.histories import evenly, judge, read_history
+from flexgram.simulation.motions import Motion
 from referee import System
 
 T, COUNT = 2.0, 4000  # half a Hz from line to line, up to 1000 Hz
@@ -104,6 +107,12 @@ def test_histories_that_are_none(text: str, expected: str, tmp_path: Path) -> No
 def test_uneven_times_and_the_command_line(bar: Free, tmp_path: Path) -> None:
     t, u = evenly(np.array([0.0, 0.1, 0.4]), np.array([[0.0], [1.0], [4.0]]))
     assert np.allclose(t, [0, 0.1, 0.2, 0.3, 0.4]) and np.allclose(u[:, 0], 10 * t)
+    corners = np.array([0, 1e-3, 1e-2, 0.011, 0.05])
+    for wanted in (1e-4, 1.3e-4, 1.0):
+        t, u = evenly(corners, np.column_stack([corners]), wanted)
+        assert np.ptp(np.diff(t)) < 1e-12 and t[1] <= min(wanted, 1e-3) * (1 + 1e-9)
+        assert max(np.abs(t - corner).min() for corner in corners) < 1e-3 * t[1]
+        assert np.allclose(u[:, 0], t)
     rom = tmp_path / "bar.rom.h5"
     reduce(bar.path, (1, LAST), 2e-2).save(rom)
     port = ReducedModel.load(rom).inputs[0]
@@ -178,3 +187,49 @@ def test_each_kind_of_output_has_its_error(reference: str, tmp_path: Path) -> No
             whole += np.linalg.norm(H @ amplitude) ** 2
         assert np.sqrt(off / whole) <= error < 0.1, what
     assert "stress at most" in verdict.words[0]
+
+
+def test_a_pulse_is_seen_whole(tmp_path: Path) -> None:
+    """Four corners say all of it: the peak of stress and the spectrum are those of fine samples."""
+    mesh = box("tetra10", (6, 1, 1), (0.3, 0.02, 0.01), distort=False)
+    end = {"end": {"set": "end", "coupling": "rigid"}}
+    held = {"start": [0, 1, 2]}
+    write_body_file(tmp_path / "b.h5", mesh, interfaces=end, supports=held, damping=(5, 1e-5, 0))
+    rom = reduce(tmp_path / "b.h5", (10, 4000), 1e-3)
+    corners = np.array([0, 3e-4, 4e-3, 5e-3, 0.03])
+    force = np.array([0, 100.0, 100, 0, 0])
+    t = np.linspace(0, 0.03, 30001)
+    fine = np.interp(t, corners, force)
+    u = np.zeros((len(t), len(rom.inputs)))
+    u[:, rom.inputs.index("end.fz")] = fine
+    q = rom.simulate(u, t)[1]
+    at = np.argmax(np.abs(rom.simulate(u, t)[0][:, rom.outputs.index("end.fz")]))
+    near = q[max(at - 300, 0) : at + 300 : 10]
+    largest = float(np.nanmax(von_mises(rom.stress(near))))
+    table = "".join(f"{a:.9g},{b:.9g}\n" for a, b in zip(corners, force, strict=True))
+    (tmp_path / "loads.csv").write_text(f"t,end.fz\n{table}")
+    motion = Motion.answer(rom, tmp_path / "loads.csv", None)
+    assert motion.peaks is not None and not motion.doubts
+    assert motion.peaks.von_mises.value == pytest.approx(largest, rel=3e-3)
+    whole, sampled = (
+        judge(rom, *x) for x in (read_history(tmp_path / "loads.csv", rom.inputs), (t, u))
+    )
+    assert whole.errors == pytest.approx(sampled.errors, rel=0.02)
+    assert not any("ms apart" in words for words in whole.words)
+
+
+def test_a_motion_that_the_loads_do_not_make(tmp_path: Path) -> None:
+    """A bar that is pulled does not turn: no error relative to that rotation is told as a number."""
+    mesh = box("hexahedron20", (6, 1, 1), (0.3, 0.02, 0.01), distort=False)
+    end = {"end": {"set": "end", "coupling": "rigid"}}
+    held = {"start": [0, 1, 2]}
+    write_body_file(tmp_path / "b.h5", mesh, interfaces=end, supports=held, damping=(5, 1e-5, 0))
+    rom = reduce(tmp_path / "b.h5", (10, 4000), 1e-3)
+    t = np.linspace(0, 0.01, 1001)
+    for port, is_told in (("end.fx", False), ("end.fz", True)):
+        u = np.zeros((len(t), len(rom.inputs)))
+        u[:, rom.inputs.index(port)] = np.sin(2 * np.pi * 1000 * t)
+        words = " ".join(judge(rom, t, u).words)
+        assert ("rotation at most" in words) == is_told
+        assert ("hardly make any rotation" in words) != is_told
+        assert "displacement at most" in words

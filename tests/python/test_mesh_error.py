@@ -162,3 +162,4 @@ def test_modes_in_the_band_are_judged(tmp_path: Path) -> None:
     inside = int((rom.modes < 2 * np.pi * BAND[1]).sum())
     assert modes_to_judge(rom).tolist() == list(range(inside))
     assert modes_to_judge(rom, 4).tolist() == [0, 1, 2, inside - 1]
+    assert mesh_errors(rom, np.empty(0, dtype=int)).tolist() == []

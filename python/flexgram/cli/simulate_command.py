@@ -51,7 +51,7 @@ def run_simulate(options: argparse.Namespace) -> None:
     from flexgram.model.recovery import stress_peaks, words_of_stress
     from flexgram.reduced_model import ReducedModel
     from flexgram.simulation.expressions import between_times, function_of_time
-    from flexgram.simulation.histories import evenly, judge, read_history
+    from flexgram.simulation.histories import evenly, judge, read_history, step_of
     from flexgram.simulation.motions import too_far_apart
 
     model = ReducedModel.load(options.rom, basis=options.xdmf is not None or options.stress)
@@ -60,7 +60,7 @@ def run_simulate(options: argparse.Namespace) -> None:
     if options.loads is not None:
         if options.time is not None:
             raise BodyError("--time and --loads exclude each other: the file has its own times")
-        t, u = evenly(*read_history(options.loads, model.inputs))
+        t, u = evenly(*read_history(options.loads, model.inputs), step_of(model))
     else:
         try:
             words = options.time or "0,1,1001"

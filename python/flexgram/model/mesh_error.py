@@ -79,6 +79,8 @@ def mesh_errors(
     if modes is None:
         last = int(np.isfinite(natural.omega).sum())
         modes = np.arange(natural.rigid, min(natural.rigid + 12, last))
+    if not len(modes):
+        return np.empty(0)
     path = Path(body_of(model, body))
     shapes = natural.shapes[:, modes].T
     motion = Geometry.load(path).motion_and_rotation(natural.model, shapes)

@@ -16,6 +16,10 @@ from flexgram.model.kinds import INPUT_KINDS, ports_of
 from flexgram.model.reduced import ReducedBody
 from flexgram.simulation.time_files import rows_of, table_of
 
+#: Even steps that corners of a history are divided into: for the band, and for steps of its own.
+FINE, MOST = 2**16, 2**20
+#: Moments of a period of the highest frequency of the band.
+PER_PERIOD = 5
 #: Share of a load's energy that the band is to hold.
 ENOUGH = 0.999
 
@@ -63,9 +67,12 @@ def read_history(path: str | Path, inputs: list[str]) -> tuple[Floats, Floats]:
     return t, u
 
 
-def evenly(t: Floats, u: Floats) -> tuple[Floats, Floats]:
-    """The loads at evenly spaced times, linear between those that are there: at their own number of
-    times if these are even but for printed digits, else at their smallest step.
+def evenly(t: Floats, u: Floats, wanted: float = np.inf) -> tuple[Floats, Floats]:
+    """The loads at evenly spaced times, linear between those that are there.
+
+    Times that are even but for printed digits are samples and stay. Others are corners. Their step
+    is at most the smallest one and at most ``wanted`` [s], and meets all corners if one up to half
+    as large does.
 
     Examples
     --------
@@ -74,13 +81,34 @@ def evenly(t: Floats, u: Floats) -> tuple[Floats, Floats]:
     array([0., 1., 2., 3.])
     >>> u[:, 0]
     array([0. , 1. , 0.5, 0. ])
+    >>> len(evenly(t[[0, 1, 3]], u[[0, 1, 3]], 0.4)[0])
+    10
     """
     steps = np.diff(t)
-    count = len(t)
+    count = len(t) - 1
     if np.ptp(steps) > 1e-3 * steps.min():
-        count = int(min(np.ceil(np.ptp(t) / steps.min()), 2**20)) + 1
-    even = np.linspace(t[0], t[-1], count)
-    return even, np.column_stack([np.interp(even, t, column) for column in u.T])
+        step = min(float(steps.min()), max(wanted, float(np.ptp(t)) / FINE))
+        count = _steps_to_corners(t, int(min(np.ceil(np.ptp(t) / step - 1e-6), MOST)))
+    return refined(t, u, np.linspace(t[0], t[-1], count + 1))
+
+
+def refined(t: Floats, u: Floats, at: Floats) -> tuple[Floats, Floats]:
+    """The loads at other times, linear between theirs."""
+    return at, np.column_stack([np.interp(at, t, column) for column in u.T])
+
+
+def _steps_to_corners(t: Floats, least: int) -> int:
+    """``least`` even steps, or up to twice as many where these meet all times."""
+    if len(t) > 1000 or least > FINE:
+        return least
+    places = (t - t[0]) / np.ptp(t)
+    for first in range(least, 2 * least + 1, 256):
+        counts = np.arange(first, min(first + 256, 2 * least + 1))
+        steps = counts[:, None] * places
+        meets = np.abs(steps - np.round(steps)).max(axis=1) < 1e-3
+        if meets.any():
+            return int(counts[np.argmax(meets)])
+    return least
 
 
 @dataclass
@@ -127,12 +155,21 @@ class HistoryAssessment:
                 *self.words_of_outside,
                 "no part of these loads lies in the band: nothing is claimed of the response",
             ]
-        each = ", ".join(f"{what} at most {_percent(e)}" for what, e in self.errors.items())
-        said = [
-            *self.words_of_outside,
-            f"error of the response to these loads in the band, root mean square: {each}"
-            + ("" if self.proved else " (estimated, not proved)"),
-        ]
+        small = [what for what, e in self.errors.items() if not e < 1 and len(self.errors) > 1]
+        each = ", ".join(
+            f"{what} at most {_percent(e)}" for what, e in self.errors.items() if what not in small
+        )
+        said = list(self.words_of_outside)
+        if each:
+            said.append(
+                f"error of the response to these loads in the band, root mean square: {each}"
+                + ("" if self.proved else " (estimated, not proved)")
+            )
+        if small:
+            said.append(
+                f"these loads hardly make any {' or '.join(small)}: nothing is claimed of it "
+                "relative to itself"
+            )
         if self.astray > 1 - ENOUGH:
             said.append(
                 f"{100 * self.astray:.2g} % of the loads is no combination of those that "
@@ -266,6 +303,11 @@ def _for_its_loads(model: ReducedBody) -> ReducedBody:
     return model.with_parts(system=model.system.along(claim.loads, claim.load_names))
 
 
+def step_of(model: ReducedBody) -> float:
+    """A step that resolves the band of a body [s]."""
+    return 2 * np.pi / (PER_PERIOD * float(model.claim.bands.max()))
+
+
 def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
     """What the claim says of the response to a load history.
 
@@ -278,7 +320,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
     Parameters
     ----------
     t : (n,) array
-        [s], rising; not uniform: interpolated linearly at the smallest step.
+        [s], rising; not uniform: corners between which the loads are linear (``evenly``).
     u : (n, n_in) array
         Loads.
 
@@ -297,7 +339,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
     t, u = np.asarray(t, dtype=float), np.asarray(u, dtype=float)
     if u.shape != (len(t), len(model.inputs)) or len(t) < 2:
         raise BodyError(f"loads are {u.shape}, expected {(len(t), len(model.inputs))}")
-    told = lines = _Spectrum(*evenly(t, u))
+    told = lines = _Spectrum(*evenly(t, u, step_of(model)))
     total = lines.energy.sum(axis=0)
     if not total.any():
         raise BodyError("all loads vanish")

@@ -15,11 +15,13 @@ from flexgram.model.elastic_part import in_its_frame, without_rigid_modes
 from flexgram.model.kinds import ports_of
 from flexgram.model.recovery import StressPeaks, has_stress, stress_fields, stress_peaks
 from flexgram.model.reduced import ReducedBody
-from flexgram.simulation.histories import evenly, read_history
+from flexgram.simulation.histories import evenly, read_history, refined, step_of
 from flexgram.simulation.time_files import rows_of, table_of
 
 #: Moments of a motion that a page goes through, beside the worst one.
 MOMENTS = 40
+#: A history with fewer moments is divided further, up to so many, for its peaks to be seen.
+ENOUGH_MOMENTS = 4000
 #: Moments that a period of the lowest mode needs at least, for its peaks to be seen.
 PER_PERIOD = 8
 
@@ -102,7 +104,9 @@ class Motion:
             Without a time domain, for a rigid body, or if the answer grows beyond all numbers.
         """
         part = _elastic(without_rigid_modes(model))
-        t, u = evenly(*read_history(loads, model.inputs))
+        t, u = evenly(*read_history(loads, model.inputs), step_of(model))
+        between = min(_steps_between(part, t), max(1, ENOUGH_MOMENTS // len(t)))
+        t, u = refined(t, u, np.linspace(t[0], t[-1], between * (len(t) - 1) + 1))
         y, q = part.system.simulate(u, t)
         if not np.all(np.isfinite(q)):
             raise BodyError("the answer grows beyond all numbers: the body is unstable")
@@ -191,6 +195,14 @@ def too_far_apart(part: ReducedBody, t: Floats) -> str:
         f"moments are up to {1e3 * step:.3g} ms apart, and a period of the first natural "
         f"frequency ({lowest:.4g} Hz) is {1e3 / lowest:.3g} ms: peaks between them are not seen"
     )
+
+
+def _steps_between(part: ReducedBody, t: Floats) -> int:
+    """Steps to divide each into for the peaks of the lowest elastic mode to be seen."""
+    elastic = part.modes[part.frame.rigid_modes :]
+    if not len(elastic):
+        return 1
+    return max(1, int(np.ceil(2 * PER_PERIOD * elastic.min() / (2 * np.pi) * (t[1] - t[0]))))
 
 
 def _elastic(part: ReducedBody) -> ReducedBody:
