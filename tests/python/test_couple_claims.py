@@ -260,3 +260,11 @@ def test_the_part_that_most_of_the_error_is_of() -> None:
         assert found.most == coarse
         assert largest(of({coarse: 1e-4, other: 1e-4})) < 0.1 * largest(found)
         assert largest(of({coarse: 1e-2, other: 1e-6})) > 0.5 * largest(found)
+
+
+def test_the_first_number_is_that_of_the_worst_kind() -> None:
+    found = AssemblyBound(
+        *np.full((4, 1), 1e-3), worst=5e-3, by_kind={"displacement from force": 4.5e-2}
+    )
+    assert found.words.startswith("at most 4.5e-02 at each frequency, everywhere in the band")
+    assert "of H as a whole 5.0e-03, of displacement from force 4.5e-02" in found.words

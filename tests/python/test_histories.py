@@ -219,7 +219,7 @@ def test_a_pulse_is_seen_whole(tmp_path: Path) -> None:
 
 
 def test_a_motion_that_the_loads_do_not_make(tmp_path: Path) -> None:
-    """A bar that is pulled does not turn: no error relative to that rotation is told as a number."""
+    """A bar that is pulled does not turn: an error relative to that rotation means nothing."""
     mesh = box("hexahedron20", (6, 1, 1), (0.3, 0.02, 0.01), distort=False)
     end = {"end": {"set": "end", "coupling": "rigid"}}
     held = {"start": [0, 1, 2]}

@@ -98,25 +98,25 @@ class AssemblyBound:
     def words(self) -> str:
         if self.unknown:
             return f"not known: {self.unknown}"
-        known = [f"{kind} {worst:.1e}" for kind, worst in self.by_kind.items() if worst < np.inf]
+        known = {kind: worst for kind, worst in self.by_kind.items() if worst < np.inf}
         unknown = [kind for kind, worst in self.by_kind.items() if worst == np.inf]
-        by_kind = (f"; by kind {', '.join(known)}" if known else "") + (
-            f"; nothing by itself of {', '.join(unknown)}" if unknown else ""
-        )
+        parts = [f"of {kind} {worst:.1e}" for kind, worst in known.items()]
+        by_kind = f"; {', '.join([f'of H as a whole {self.worst:.1e}', *parts])}" if known else ""
+        by_kind += f"; nothing by itself of {', '.join(unknown)}" if unknown else ""
         seen = self.estimate[np.isfinite(self.estimate)]
         of_part = f", most of it from part {self.most}" if self.most else ""
-        about = f"; it is about {seen.max():.1e}, by estimate{of_part}" if len(seen) else ""
-        by_kind = about + by_kind
+        about = f"; of H about {seen.max():.1e}, by estimate{of_part}" if len(seen) else ""
+        largest = max([self.worst, *known.values()])
         if self.kind == "certified":
             return (
-                f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, "
-                f"certified by the parts' claims{by_kind}"
+                f"at most {largest:.1e} at each frequency, everywhere in the band, certified by "
+                f"the parts' claims{by_kind}{about}"
             )
         if self.kind == "certified outside":
             return (
-                f"at most {self.worst:.1e} of |H| at each frequency of the band but in "
-                f"{len(self.open)} intervals beside undamped resonances, certified by the "
-                f"parts' claims{by_kind}"
+                f"at most {largest:.1e} at each frequency of the band but in {len(self.open)} "
+                "intervals beside undamped resonances, certified by the parts' claims"
+                f"{by_kind}{about}"
             )
         wide = np.diff(self.bands, axis=1).sum()
         share = 1 - np.diff(self.open, axis=1).sum() / wide if wide > 0 else 0.0
@@ -128,7 +128,10 @@ class AssemblyBound:
                 f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the "
                 "parts to a smaller tolerance"
             )
-        return f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere {why}"
+        return (
+            f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere "
+            f"{why}{about}"
+        )
 
 
 #: Its name in 0.1.
