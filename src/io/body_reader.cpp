@@ -266,6 +266,15 @@ void set_stiffness(SecondOrderModel& model, Matrix K, const std::string& source)
         "largest is (%lld, %lld) = %.6g beside (%lld, %lld) = %.6g",
         asymmetry.skew_norm / asymmetry.norm, ll(asymmetry.row), ll(asymmetry.column),
         asymmetry.upper, ll(asymmetry.column), ll(asymmetry.row), asymmetry.lower));
+    constexpr int few = 3;
+    if (asymmetry.pairs <= few)
+      model.doubts.push_back(text(
+          "%s: K is symmetric but for %lld pair%s of entries, (%lld, %lld) = %.6g and "
+          "(%lld, %lld) = %.6g: taken for circulatory forces (of friction, of loads "
+          "that follow). Is that meant?",
+          source.c_str(), ll(asymmetry.pairs), asymmetry.pairs == 1 ? "" : "s",
+          ll(asymmetry.row), ll(asymmetry.column), asymmetry.upper, ll(asymmetry.column),
+          ll(asymmetry.row), asymmetry.lower));
   }
   model.K = std::move(K);
 }

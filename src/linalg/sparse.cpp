@@ -194,6 +194,10 @@ Asymmetry find_asymmetry(Mat a, double tolerance) {
   result.upper = entry(result.row, result.column);
   result.lower = entry(result.column, result.row);
   result.symmetric = worst.value <= tolerance * entry_max;
+  for_each_entry(skew, [&](PetscInt i, PetscInt j, double value) {
+    result.pairs += i < j && std::abs(value) > tolerance * entry_max;
+  });
+  result.pairs = sum_over(comm, result.pairs);
   if (result.symmetric) FG_CALL(MatSetOption(a, MAT_SYMMETRIC, PETSC_TRUE));
   return result;
 }

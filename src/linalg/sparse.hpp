@@ -46,6 +46,7 @@ struct Asymmetry {
   PetscInt row = 0, column = 0;
   double upper = 0, lower = 0;
   double skew_norm = 0, norm = 0; ///< Frobenius norms of (A − Aᵀ)/2 and A
+  std::int64_t pairs = 0;         ///< of entries that differ by more than the tolerance
   bool one_triangle = false;      ///< every entry on one side of the diagonal is zero
   bool symmetric = true;
 };

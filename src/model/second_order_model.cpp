@@ -95,8 +95,10 @@ std::string SecondOrderModel::damping_class() const {
       if (law.number("loss") > 0)
         parts.push_back(text("%s (η = %g)", law.name().c_str(), law.number("loss")));
     } else if (!law.kind().is_stiffness() || !law.varies()) { // not what spin adds to K
-      parts.push_back(law.is_named() ? law.name() + " " + law.kind().words()
-                                     : law.kind().words());
+      parts.push_back(law == Law("skew_K", "circulatory", {})
+                          ? law.kind().words() + " (skew part of K)"
+                      : law.is_named() ? law.name() + " " + law.kind().words()
+                                       : law.kind().words());
     }
   return parts.empty() ? "none" : join(parts, " + ");
 }
@@ -137,6 +139,7 @@ SecondOrderModel SecondOrderModel::head() const {
   head.component = component;
   head.position = position;
   head.remarks = remarks;
+  head.doubts = doubts;
   head.rounding = rounding;
   head.feedthrough = feedthrough;
   head.output_damping = output_damping;

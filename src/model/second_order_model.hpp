@@ -103,6 +103,7 @@ struct SecondOrderModel {
   std::vector<std::int64_t> component; ///< 0-2 translation, 3-5 rotation
   std::vector<double> position;        ///< [m], 3 numbers a row
   std::vector<std::string> remarks;    ///< what reading changed, in words
+  std::vector<std::string> doubts;     ///< what reading found that may be a mistake
   double rounding = 0; ///< relative, of K's entries, if they were printed; 0: not known
   Feedthrough feedthrough;
   OutputDamping output_damping;

@@ -226,6 +226,7 @@ void begin_plan(Body& body, const Settings& settings, Observer& observer) {
                  law.name().c_str(), hz * law.kind().known().first,
                  hz * law.kind().known().last, hz * band.first, hz * band.last));
   for (const auto& remark : model.remarks) observer.fact("symmetry", remark);
+  for (const auto& doubt : model.doubts) observer.warn(doubt);
   if (model.undamped())
     observer.skip("complex arithmetic", "the body is undamped, its samples are real");
   say_body(model, observer);

@@ -102,6 +102,9 @@ void say_result(const ReducedModel& rom, const SecondOrderModel& body,
                 const Observer& observer) {
   observer.say(text("Reduced from %lld to %lld dofs.", static_cast<long long>(body.n),
                     static_cast<long long>(rom.system.n)));
+  if (const int rigid = rom.frame.rigid_modes; rigid > 0 && !rom.frame.integrals)
+    observer.say(text("  %d of them %s: nothing holds the body there.", rigid,
+                      rigid == 1 ? "is a rigid motion" : "are rigid motions"));
   std::string words = words_of(rom.claim);
   if (words.empty()) // of samples
     for (const auto& [name, value] : observer.facts())

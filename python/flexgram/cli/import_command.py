@@ -100,7 +100,11 @@ def import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--deck", type=Path, help="model with nodes and node sets")
     parser.add_argument("--mass", type=Path, help="mass matrix, where the source holds K only")
     parser.add_argument("--damping", type=Path, help="damping matrix in a file of its own")
-    parser.add_argument("--inputs", type=Path, help="input matrix B in a file of its own (PETSc)")
+    parser.add_argument(
+        "--inputs",
+        type=Path,
+        help="input matrix B in a file of its own (PETSc, MatrixMarket, text)",
+    )
     parser.add_argument(
         "--matrices",
         metavar="K=KXX,M=MXX",

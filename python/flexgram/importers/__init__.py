@@ -35,9 +35,19 @@ ACCEPTED = {
     "abaqus": ("deck",),
     "nastran": ("deck",),
     "ansys": ("deck",),
-    "pair": ("deck", "mass", "damping", "mapping"),
+    "pair": ("deck", "mass", "damping", "mapping", "inputs"),
     "matlab": (),
     "petsc": ("mass", "damping", "inputs"),
+}
+#: What a format is, in words.
+WORDS = {
+    "calculix": "a deck or job of CalculiX",
+    "abaqus": "a job of Abaqus",
+    "nastran": "a file of Nastran",
+    "ansys": "a file of ANSYS",
+    "pair": "one of several matrices in files of their own (MatrixMarket, Harwell-Boeing, text)",
+    "matlab": "a file of MATLAB",
+    "petsc": "a matrix in PETSc's binary format",
 }
 FORMATS = ("calculix", "abaqus", "nastran", "ansys", "pair", "matlab", "petsc")
 
@@ -144,7 +154,8 @@ def read(
         raise BodyError(f"--format {kind} must be one of {', '.join(FORMATS)}")
     for name, given in other.items():
         if given is not None and name not in ACCEPTED[kind]:
-            raise BodyError(f"--{name} does not belong to the format {kind}")
+            takes = ", ".join(f"--{key}" for key in ACCEPTED[kind]) or "no further file"
+            raise BodyError(f"{first} is taken for {WORDS[kind]}: that takes {takes}, not --{name}")
         if given is not None and not given.exists():
             raise BodyError(f"{given}: no such file (--{name})")
     if kind in ("pair", "petsc") and other["mass"] is None:
@@ -213,4 +224,8 @@ def _read(
     assert other["mass"] is not None
     if kind == "petsc":
         return containers.read_petsc(first, other["mass"], other["inputs"], other["damping"])
-    return ansys.read_pair(first, other["mass"], other["damping"], other["mapping"], other["deck"])
+    return ansys.read_pair(
+        first,
+        other["mass"],
+        *(other[key] for key in ("damping", "mapping", "deck", "inputs")),
+    )

@@ -13,6 +13,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, Ints, expect_survival, whole_numbers
+from flexgram.importers.containers import inputs_of
 from flexgram.importers.fe import (
     FeMatrices,
     is_symmetric,
@@ -162,6 +163,17 @@ def _read_market(path: Path) -> sp.coo_matrix:
     return sp.coo_matrix(scipy.io.mmread(str(path)))
 
 
+def _read_inputs(path: Path) -> sp.coo_matrix:
+    """B, of a MatrixMarket file or a table of numbers."""
+    if path.open("rb").read(14) == b"%%MatrixMarket":
+        return _read_market(path)
+    try:
+        comma = "," if path.suffix.lower() == ".csv" else None
+        return sp.coo_matrix(np.loadtxt(path, delimiter=comma, comments=["#", "%"], ndmin=2))
+    except ValueError as error:
+        raise BodyError(f"{path}: neither MatrixMarket nor a table of numbers ({error})") from None
+
+
 def _read_text(path: Path) -> sp.coo_matrix:
     """Triplets (row, column, value; numbers from 1, or from 0 if one is) or a whole matrix."""
     first = next(
@@ -233,8 +245,9 @@ def read_pair(
     damping: Path | None = None,
     mapping: Path | None = None,
     deck: Path | None = None,
+    inputs: Path | None = None,
 ) -> FeMatrices:
-    """Read K and M (and D) from two files, one triangle or both.
+    """Read K and M (and D, B) from files of their own, one triangle or both.
 
     Harwell-Boeing, MatrixMarket, or text: ``.txt`` and ``.csv`` have row, column and value on
     each line, or the whole matrix.
@@ -269,6 +282,8 @@ def read_pair(
         found[name] = make(path, raw.row, raw.col, real_or_complex(raw.data), raw.shape[0])
     fe = FeMatrices(str(stiffness), found["K"], found["M"], found.get("D"), remarks=remarks)
     fe.is_symmetric = is_symmetric(fe.K)
+    if inputs is not None:
+        fe.B = inputs_of(inputs, _read_inputs(inputs), fe.n)
     fe.node, fe.component = _node_map(mapping, fe.n)
     if len(fe.node) and deck is not None and deck.suffix.lower() == ".cdb":
         _add_archive(fe, deck)

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError, check_name, expect_survival, stored, whole_numbers
+from flexgram.basics import BodyError, Floats, check_name, expect_survival, stored, whole_numbers
 from flexgram.body.laws import Law, loss, prony, table, viscous
 from flexgram.body.varying_laws import parameter
 from flexgram.importers.fe import (
@@ -23,7 +23,8 @@ from flexgram.importers.fe import (
     with_skew_part,
 )
 
-PETSC_MATRIX = 1211216
+#: Class numbers in PETSc's binary files.
+PETSC_MATRIX, PETSC_VECTOR = 1211216, 1211214
 #: Variables of MATLAB files that have a role by their names.
 ROLES = (*"KMDGBC", "alpha", "beta", "eta", "node", "component", "position")
 #: Laws of terms, as functions of their numbers.
@@ -262,38 +263,78 @@ def _damping_of(path: Path, values: Mapping[str, Any]) -> sp.csr_matrix | None:
     return sum(parts[1:], parts[0]).tocsr() if parts else None
 
 
-def _petsc_matrix(path: Path) -> sp.csr_matrix:
-    """One Mat in PETSc's binary format (big-endian, 32-bit indices)."""
+def _petsc_matrix(path: Path, is_dense: bool = False) -> sp.csr_matrix:
+    """One Mat in PETSc's binary format (big-endian, indices of 32 or 64 bits); with ``is_dense``
+    also a dense one, or a Vec as a column."""
     if not path.exists():
         raise BodyError(f"{path}: no such file")
     with path.open("rb") as file:
-        head = np.fromfile(file, dtype=">i4", count=4)
-        if len(head) < 4 or head[0] != PETSC_MATRIX:
-            raise BodyError(
-                f"{path}: no PETSc binary Mat with 32-bit indices (MatView to a binary "
-                "viewer writes one)"
-            )
-        _, rows, columns, count = (int(x) for x in head)
-        if count < 0:
+        wide = np.fromfile(file, dtype=">i8", count=1)
+        whole = ">i8" if len(wide) and wide[0] in (PETSC_MATRIX, PETSC_VECTOR) else ">i4"
+        file.seek(0)
+        size = np.dtype(whole).itemsize
+        kind = np.fromfile(file, dtype=whole, count=1).tolist()
+        if kind == [PETSC_VECTOR] and not is_dense:
+            raise BodyError(f"{path}: a Vec of PETSc, a matrix is expected")
+        if kind not in ([PETSC_MATRIX], [PETSC_VECTOR]):
+            raise BodyError(f"{path}: no PETSc binary file (MatView to a binary viewer writes one)")
+        is_vector = kind == [PETSC_VECTOR]
+        sizes = np.fromfile(file, dtype=whole, count=1 if is_vector else 3).tolist()
+        if len(sizes) < (1 if is_vector else 3):
+            raise BodyError(f"{path}: truncated: its sizes are missing")
+        rows, columns, count = (*sizes, 1, -1) if is_vector else sizes
+        if count < 0 and not is_dense:
             raise BodyError(f"{path}: a dense Mat; flexgram takes sparse ones (AIJ)")
-        needed = 16 + 4 * rows + 12 * count
+        head = size * (1 + len(sizes))
+        needed = head + (8 * rows * columns if count < 0 else size * (rows + count) + 8 * count)
         if rows < 0 or columns < 0 or path.stat().st_size < needed:
-            raise BodyError(
-                f"{path}: truncated: {rows} rows with {count} entries need {needed} "
-                f"bytes, it has {path.stat().st_size}"
+            what = (
+                f"{rows} × {columns} numbers" if count < 0 else f"{rows} rows with {count} entries"
             )
-        lengths = np.fromfile(file, dtype=">i4", count=rows)
-        index = np.fromfile(file, dtype=">i4", count=count)
-        value = np.fromfile(file, dtype=">f8", count=count)
-        rest = len(file.read())
-    if rest == 8 * count and count:
+            raise BodyError(
+                f"{path}: truncated: {what} need {needed} bytes, it has {path.stat().st_size}"
+            )
+        if count < 0:
+            dense = np.fromfile(file, dtype=">f8", count=rows * columns).reshape(rows, columns)
+            rest, values = len(file.read()), rows * columns
+        else:
+            lengths = np.fromfile(file, dtype=whole, count=rows)
+            index = np.fromfile(file, dtype=whole, count=count)
+            value = np.fromfile(file, dtype=">f8", count=count)
+            rest, values = len(file.read()), count
+    if rest == 8 * values and values:
         raise BodyError(
             f"{path}: written by a PETSc with complex scalars; write it with a real one"
         )
     if rest:
         raise BodyError(f"{path}: {rest} bytes follow the matrix: one Mat to a file is expected")
+    if count < 0:
+        return sp.csr_matrix(dense.astype(float))
     start = np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)])
     return checked(str(path), (value, index, start), (rows, columns), sp.csr_matrix)
+
+
+def inputs_of(path: Path, B: sp.spmatrix, rows: int) -> Floats:
+    """Columns of loads from a file of their own, (rows, inputs).
+
+    Raises
+    ------
+    BodyError
+        Naming the file, if B has another number of rows, is complex or has a column of zeros.
+    """
+    if B.shape[0] != rows:
+        turned = ": write its transpose" if B.shape[1] == rows else ""
+        raise BodyError(
+            f"{path}: B is {B.shape[0]} × {B.shape[1]}, expected {rows} rows, a column for each "
+            f"input{turned}"
+        )
+    if np.iscomplexobj(B.data):
+        raise BodyError(f"{path}: B is complex")
+    found: Floats = B.toarray()
+    zero = np.flatnonzero(~found.any(axis=0))
+    if len(zero):
+        raise BodyError(f"{path}: column {zero[0] + 1} of B is zero: no load")
+    return found
 
 
 def read_petsc(
@@ -306,5 +347,5 @@ def read_petsc(
     K = _sparse(stiffness, "Mat", _petsc_matrix(stiffness), with_skew_part)
     M = _sparse(mass, "Mat", _petsc_matrix(mass))
     D = _sparse(damping, "Mat", _petsc_matrix(damping), with_skew_part) if damping else None
-    B = _petsc_matrix(inputs).toarray() if inputs else None
+    B = inputs_of(inputs, _petsc_matrix(inputs, True), K.shape[0]) if inputs else None
     return FeMatrices(str(stiffness), K, M, D, B=B, is_symmetric=is_symmetric(K))

@@ -162,6 +162,12 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         names += ports
     if not columns:
         sets = ", ".join(sorted(fe.sets)[:20]) or "none"
+        if not len(fe.node):
+            raise BodyError(
+                f"{fe.source}: no interface is named, and the files do not say which rows belong "
+                "to which node: --rows tip=fx:715,fy:716 (rows from 1), or loads in a file, "
+                "--inputs B"
+            )
         raise BodyError(
             f"{fe.source}: no interface is named: --rigid, --distributing or --node "
             f"name=NSET:SET; node sets are {sets}"
