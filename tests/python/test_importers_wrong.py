@@ -207,9 +207,7 @@ def test_wrong_containers(tmp_path: Path) -> None:
     scipy.io.savemat(tmp_path / "x.mat", body | {"B": np.ones((7, 1))})
     with pytest.raises(BodyError, match="B is 7 × 1, expected 8 rows"):
         import_matrices(read(tmp_path / "x.mat"), tmp_path / "x.h5")
-    with pytest.raises(
-        BodyError, match="a file of MATLAB: that takes no further file, not --mass"
-    ):
+    with pytest.raises(BodyError, match="a file of MATLAB: that takes no further file, not --mass"):
         read(tmp_path / "x.mat", mass=tmp_path / "x.mat")
 
 
