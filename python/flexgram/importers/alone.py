@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from flexgram.basics import Floats
+from flexgram.basics import BodyError, Floats
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -35,6 +35,44 @@ def rigid_row(node: int, by: int, component: int, arm: Floats, axes: Floats | No
         turned = np.cross(arm, np.eye(3)[component] if axes is None else axes[component])
         terms += [[by, n, -float(f)] for n, f in zip(COMPONENTS[3:], turned, strict=True) if f]
     return terms
+
+
+def mean_rows(node: int, at: Floats, others: Sequence[int], points: Floats) -> list[Row]:
+    """Equations by which a node (from 1, place ``at``) has the least-squares mean motion of the
+    displacements of others, in all six components.
+
+    Parameters
+    ----------
+    others : sequence of int
+        From 1.
+    points : (n, 3) array
+        Their places.
+
+    Raises
+    ------
+    BodyError
+        If they lie on a line.
+    """
+    arms = points - at
+    carried = np.zeros((len(arms), 3, 6))  # u = U + θ × arm
+    carried[:, :, :3] = np.eye(3)
+    for axis, e in enumerate(np.eye(3)):
+        carried[:, :, 3 + axis] = np.cross(e, arms)
+    normal = np.einsum("nia,nib->ab", carried, carried)
+    scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    if np.linalg.eigvalsh(normal * np.outer(scale, scale))[0] < 1e-10:
+        raise BodyError("its nodes lie on a line or in a point, which tells no rotation about it")
+    shares = np.einsum("ab,nib->ani", np.linalg.inv(normal), carried)
+    return [
+        [[node, name, 1.0]]
+        + [
+            [other, along, -float(f)]
+            for other, of in zip(others, shares[c], strict=True)
+            for along, f in zip(COMPONENTS, of, strict=False)
+            if abs(f) > 1e-14
+        ]
+        for c, name in enumerate(COMPONENTS)
+    ]
 
 
 #: Of what acts on a component, over the most that acts on one of its kind, less is rounding; and of

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexgram.basics import BodyError
 from flexgram.body.faces import LINEAR, MIDDLES
-from flexgram.importers.alone import COMPONENTS, hold_untouched, rigid_row
+from flexgram.importers.alone import COMPONENTS, hold_untouched, mean_rows, rigid_row
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import TURNING, Deck
 from flexgram.importers.deck_loads import NUMBERED
@@ -266,6 +266,43 @@ def _ground(content: dict[str, Any], number: int) -> None:
             del springs[name]
 
 
+def _carry(job: Job, deck: Deck, coupling: Coupling, content: dict[str, Any]) -> None:
+    """The reference of a distributing coupling that carries something: a node of the body, which
+    has the mean motion of the others."""
+    at, *others = np.searchsorted(deck.labels, [coupling.reference, *coupling.nodes]).tolist()
+    numbers = [k + 1 for k in others]
+    try:
+        rows = mean_rows(at + 1, deck.points[at], numbers, deck.points[others])
+    except BodyError as error:
+        raise BodyError(f"{job.path}: *COUPLING ({coupling.name}): {error}") from None
+    elements = {n for _, nodes in deck.elements.values() for n in nodes}
+    has_rotations = coupling.reference in deck.turning() or coupling.reference not in elements
+    content["equations"][coupling.name] = {"terms": rows if has_rotations else rows[:3]}
+    if has_rotations:
+        content["interfaces"][coupling.name] = {"coupling": "node", "nodes": [at + 1]}
+
+
+def _joined_nodes(
+    deck: Deck,
+    couplings: Sequence[Coupling],
+    content: dict[str, Any],
+    used: Collection[int],
+    alone: Collection[int],
+) -> list[int]:
+    """Nodes (from 1) of no element that equations and springs join to the body, where there are
+    masses perhaps."""
+    joined = {
+        term[0] for of in content["equations"].values() for row in of["terms"] for term in row
+    }
+    for spring in content["springs"].values():
+        joined |= {*spring.get("nodes", ()), *spring.get("to_nodes", ())}
+    if not joined:
+        return []
+    taken = np.array([*used, *(coupling.reference for coupling in couplings)], dtype=np.int64)
+    others = np.searchsorted(deck.labels, taken) + 1
+    return sorted(joined - set(others.tolist()) - set(alone))
+
+
 def add_couplings(
     job: Job, deck: Deck, couplings: Sequence[Coupling], content: dict[str, Any]
 ) -> list[str]:
@@ -315,6 +352,16 @@ def add_couplings(
             continue
         if coupling.name in content["interfaces"]:
             raise BodyError(f"interface {coupling.name} is given twice: it is one of the deck's")
+        is_loaded = coupling.reference in used or any(
+            of.get(key) == [number]
+            for entries in (content["masses"], content["springs"])
+            for of in entries.values()
+            for key in ("nodes", "to_nodes")
+        )
+        if coupling.kind == "distributing" and is_loaded:
+            _carry(job, deck, coupling, content)
+            alone += [number] if coupling.reference not in used else []
+            continue
         content["interfaces"][coupling.name] = entry
         if coupling.reference in used:
             if coupling.kind == "rigid":
@@ -326,6 +373,7 @@ def add_couplings(
                     if of.get(nodes) == [number]:
                         del of[nodes]
                         of[interface] = coupling.name
+    alone += _joined_nodes(deck, couplings, content, used, alone)
     if alone:
         content["nodes_alone"] = alone
         hold_untouched(content, deck.points)
