@@ -178,12 +178,18 @@ void Options::reject_unknown() const {
   for (const auto& name : names_in_database()) {
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
     // --band of a file, or -band: PETSc takes its own names alone there.
-    for (const auto& option : options_)
-      if (const std::string own = short_name(option.name);
-          name == own || "-" + name == own || name == "-mor_" + own.substr(2))
+    for (const auto& option : options_) {
+      const std::string own = short_name(option.name);
+      if (name == own)
+        throw Error(
+            text("unknown option %s: an options file and PETSC_OPTIONS take PETSc's "
+                 "names, here \\%s",
+                 name.c_str(), option.name.c_str()));
+      if ("-" + name == own || name == "-mor_" + own.substr(2))
         throw Error(text("unknown option %s: did you mean --%s (\\%s in an options file "
                          "or PETSC_OPTIONS)?",
                          name.c_str(), own.c_str() + 2, option.name.c_str()));
+    }
     // -bodi: nearly one of ours without the prefix, and nothing of PETSc's is so near
     const std::string near = nearest(name, known);
     const bool misspelt = near.rfind("-mor_", 0) != 0 && near.size() == name.size() &&

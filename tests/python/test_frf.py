@@ -129,7 +129,7 @@ def test_tables_and_what_is_refused(model: ReducedModel, tmp_path: Path) -> None
     assert np.allclose(table[:, 1] + 1j * table[:, 2], H[:, i, j], rtol=1e-12)
     for words, what in (
         (["--pair", "end.fz"], "expected OUTPUT=INPUT"),
-        (["--pair", "end.fz=top.fz"], "there is no port top.fz"),
+        (["--pair", "end.fz=top.fz"], "there is no input top.fz"),
         (["--pair", "end.fz=end.fz", "--hz", "1,2"], "expected 3 finite numbers"),
         (["--pair", "end.fz=end.fz", "--measured", tmp_path / "r.csv"], "no frequency response"),
     ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ import scipy.io
 import scipy.sparse as sp
 
 from conftest import chain, message, run
+from flexgram import BodyError, write_matrices
+from flexgram.body import bodyfile
 
 N = 30
 
@@ -120,3 +123,18 @@ def test_what_belongs_to_other_files_and_no_loads_at_all(files: Path) -> None:
     (files / "K.petsc").write_bytes(vector_bytes(np.ones(N)))
     (files / "B.petsc").write_bytes(petsc_bytes(np.eye(N)[:, :1]))
     assert "a Vec of PETSc" in message(imported(files, "petsc", files / "B.petsc", expect=1))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sentence, whatever HDF5 does after a write that failed, and nothing is left."""
+    body = chain(2000)
+
+    @contextmanager
+    def full(path: Any) -> Any:
+        yield "/dev/full"
+
+    monkeypatch.setattr(bodyfile, "written_aside", full)
+    with pytest.raises(BodyError, match=r"cannot write .*b\.h5: no space left on the device"):
+        write_matrices(tmp_path / "b.h5", body["K"], body["M"], body["B"])
+    assert not list(tmp_path.iterdir())

@@ -6,6 +6,9 @@ MATLAB and h5py.
 
 from __future__ import annotations
 
+import errno
+import os
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,9 +28,36 @@ LAYOUT = ("v108", "v110")
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[h5py.File]:
-    """An HDF5 file that appears under its name only when all of it is written."""
-    with written_aside(path) as place, h5py.File(place, "w", libver=LAYOUT) as file:
-        yield file
+    """An HDF5 file that appears under its name only when all of it is written.
+
+    Raises
+    ------
+    BodyError
+        If the disk is full.
+    """
+    with _full_disks_told(path), written_aside(path) as place:
+        with h5py.File(place, "w", libver=LAYOUT) as file:
+            yield file
+
+
+@contextmanager
+def _full_disks_told(path: str | Path) -> Iterator[None]:
+    """HDF5 goes on after a write that failed, and then fails in many places."""
+    full = os.strerror(errno.ENOSPC)
+    hooks = sys.unraisablehook, sys.excepthook  # both told of objects that h5py cannot close
+    sys.unraisablehook = lambda of: None if full in str(of.exc_value) else hooks[0](of)
+    sys.excepthook = lambda kind, e, trace: None if full in str(e) else hooks[1](kind, e, trace)
+    try:
+        yield
+    except Exception as error:
+        cause: BaseException | None = error
+        while cause is not None:
+            if full in str(cause) or getattr(cause, "errno", None) == errno.ENOSPC:
+                raise BodyError(f"cannot write {path}: no space left on the device") from None
+            cause = cause.__context__
+        raise
+    finally:
+        sys.unraisablehook, sys.excepthook = hooks
 
 
 def write_sparse(file: h5py.File, name: str, matrix: Any) -> None:

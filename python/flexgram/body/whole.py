@@ -342,6 +342,28 @@ def _said_of_shells(file: h5py.File) -> list[str]:
     return lines + [f"and {len(count) - 12} more sections of shells"] * (len(count) > 12)
 
 
+def _said_of_beams(file: h5py.File) -> list[str]:
+    """Area, moments of area and direction of each section of beams, in millimetres."""
+    count: dict[str, int] = {}
+    for block in file["mesh/blocks"].values():
+        if str(block.attrs["type"]) == "line":
+            name = str(block.attrs["section"])
+            count[name] = count.get(name, 0) + len(block["connectivity"])
+    lines = []
+    for name, number in list(count.items())[:12]:
+        a = file["sections"][name].attrs
+        words = f"of section {name}: A = {1e6 * float(a['A']):.4g} mm²"
+        if "I_y" in a:
+            axis = ", ".join(f"{x + 0.0:.3g}" for x in np.asarray(a["y_axis"]))
+            words += (
+                f", I_y, I_z = {1e12 * float(a['I_y']):.4g}, {1e12 * float(a['I_z']):.4g} mm⁴, "
+                f"local y along ({axis})"
+            )
+        kind = "beams" if "I_y" in a else "rods"
+        lines.append(f"{kind} {words}, {counted(number, 'element')}")
+    return lines + [f"and {len(count) - 12} more sections of beams"] * (len(count) > 12)
+
+
 def _thickness(file: h5py.File, section: str) -> float:
     """Of a section of shells [m]."""
     of = file["sections"][section].attrs
@@ -410,7 +432,7 @@ def summary(file: h5py.File, parts: int = 1) -> list[str]:
     ]
     if dependent := len(Constraints.of(file).dependent):
         lines.append(f"{dependent} dependent dofs follow others, by equations and ties")
-    lines += _said_of_shells(file) + words_of_materials(file)
+    lines += _said_of_shells(file) + _said_of_beams(file) + words_of_materials(file)
     by_material = any(
         m.attrs.get("loss_factor") or _has_law(m, "table", "structural")
         for m in file.get("materials", {}).values()

@@ -135,8 +135,8 @@ def _refuse_others(job: Job, deck: Deck) -> list[str]:
             alike = difflib.get_close_matches(kind, known, 1, 0.7)
             meant = f" (did you mean {alike[0]}?)" if alike else ""
             raise BodyError(
-                f"{card.place}: elements {kind} are not supported{meant}, {', '.join(known)} are; "
-                "take --run-ccx for others of CalculiX"
+                f"{card.place}: elements {kind} are not supported{meant}. Elements that are: "
+                f"{', '.join(known)}. --run-ccx takes the others of CalculiX"
             )
     notes = [
         f"elements {kind} are left out: elements of a plane, which gmsh writes for surfaces of "

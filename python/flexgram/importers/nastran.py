@@ -49,7 +49,9 @@ def _pynastran() -> Any:
     try:
         from pyNastran.bdf.bdf import BDF
     except ImportError:
-        raise BodyError("Nastran files are read by pyNastran: pip install pyNastran") from None
+        raise BodyError(
+            "Nastran files are read by pyNastran: .venv/bin/pip install --no-deps pyNastran"
+        ) from None
     return BDF
 
 

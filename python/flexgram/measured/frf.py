@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, ComplexArray, Floats, errors_of, written_aside
+from flexgram.basics import BodyError, ComplexArray, Floats, errors_of, meant, written_aside
 from flexgram.body.universal import dataset, datasets
 from flexgram.model.kinds import unit_of
 from flexgram.model.reduced import ReducedBody
@@ -91,9 +91,15 @@ def responses(
     if not len(f) or not np.all(np.isfinite(f)) or np.any(f < 0):
         raise BodyError("frequencies must be finite and not negative")
     for output, port in pairs:
-        for name, names in ((output, model.outputs), (port, model.inputs)):
+        for what, name, names in (
+            ("output", output, model.outputs),
+            ("input", port, model.inputs),
+        ):
             if name not in names:
-                raise BodyError(f"there is no port {name}; there are {', '.join(names)}")
+                few = names if len(names) <= 12 else [*names[:12], f"… ({len(names)})"]
+                raise BodyError(
+                    f"there is no {what} {name}{meant(name, names)}; there are {', '.join(few)}"
+                )
     w = 2 * np.pi * f
     H = np.atleast_3d(model.system.transfer(w)) * ((1j * w) ** RATES.index(rate))[:, None, None]
     node = {
