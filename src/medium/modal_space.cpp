@@ -161,7 +161,7 @@ ModalSpace space_of_ports(const CertifyRun& run, const Start& start, double omeg
   if (modal.elastic > many_modes)
     run.observer.say(
         text("  %d natural frequencies lie below the cutoff of %.4g Hz: their "
-             "search takes long",
+             "search takes long. Is the mesh fine enough for them?",
              modal.elastic, modal.cutoff * hz));
   modal.scale = scale_ports(run.fom, cutoff.omega, start.ports.count(), cutoff.response);
   modal.loads = copy(start.ports.all);

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from test_mesh_loads import write_body
 
-from bodies import box
+from bodies import box, write_body_file
 from conftest import run
 from flexgram import BodyError, ReducedModel, reduce
+from flexgram.assembly.couple import Joint, couple
 from flexgram.body.stress import von_mises
-from flexgram.simulation.motions import read_coordinates
+from flexgram.pictures.report import write_report
+from flexgram.pictures.space import Space
+from flexgram.simulation.motions import Motion, read_coordinates
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0, "expansion": 1.2e-5}
 
@@ -125,3 +128,27 @@ def test_heat_needs_the_temperatures(tmp_path: Path) -> None:
     (tmp_path / "warm.csv").write_text("t,warm.T\n0,10\n0.0005,110\n")
     failed = run(*words, "--loads", tmp_path / "warm.csv", expect=1)
     assert "its times are 0 to 0.0005 s, those of the motion 0 to 0.001 s" in failed.err
+
+
+def test_the_answer_of_an_assembly(tmp_path: Path) -> None:
+    """Its parts move by the answer to a load history as its ports do; its stress has no picture."""
+    ends = {n: {"set": n, "coupling": "rigid"} for n in ("start", "end")}
+    mesh = box("tetra10", (6, 1, 1), (0.3, 0.02, 0.01), distort=False)
+    write_body_file(tmp_path / "b.h5", mesh, interfaces=ends, damping=(5, 1e-5, 0))
+    reduce(tmp_path / "b.h5", (10, 2000), 1e-3).save(tmp_path / "b.rom.h5")
+    part = ReducedModel.load(tmp_path / "b.rom.h5")
+    joints = [Joint("p.end", "q.start"), Joint("p.start", "ground")]
+    couple({"p": part, "q": part}, joints).save(tmp_path / "whole.h5")
+    whole = ReducedModel.load(tmp_path / "whole.h5")
+    (tmp_path / "l.csv").write_text("t,q.end.fz\n0,0\n0.002,5\n0.01,5\n0.02,0\n")
+    motion = Motion.answer(whole, tmp_path / "l.csv", None)
+    space = Space.of(whole)
+    moments = np.argsort(np.abs(motion.q).max(axis=1))[-3:]
+    moved = space.motion(motion.part, motion.q[moments])
+    at = space.geometry.interfaces["q.end"]
+    ports = [motion.part.outputs.index(f"q.end.f{axis}") for axis in "xyz"]
+    seen = motion.q[moments] @ motion.part.system.C[ports].T
+    # A rigid face: the mean of its nodes is near its reference, which is their middle.
+    np.testing.assert_allclose(moved[:, at].mean(axis=1), seen, atol=0.02 * np.abs(seen).max())
+    made = write_report(tmp_path / "whole.h5", tmp_path / "w.html", loads=tmp_path / "l.csv")
+    assert not any("answer to the load history" in line for line in made.left)

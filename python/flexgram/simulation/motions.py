@@ -217,4 +217,6 @@ def _stresses(part: ReducedBody, y: Floats) -> dict[str, Floats]:
 
 
 def _peaks(part: ReducedBody, q: Floats, u: Floats, body: str | Path | None) -> StressPeaks | None:
+    if part.basis.parts:  # an assembly
+        return None
     return stress_peaks(part, q, u, body) if has_stress(part, body) else None
