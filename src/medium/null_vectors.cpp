@@ -93,12 +93,12 @@ void take_out_null_vectors(const CertifyRun& run, ModalSpace& modal) {
   const Dense slow = first_columns(pairs.vectors, candidates);
   const Block found = combine(modal.space->V(), slow);
   RigidSplit split = split_rigid(run.fom, found, true);
-  if (split.count <
-      candidates) // rounding of other modes in them may hide what K holds of none
-    if (RigidSplit again =
-            split_rigid(run.fom, normalised(run, corrected(run, copy(found))), true);
-        again.count > split.count)
-      split = std::move(again);
+  // What other modes leave in a vector may hide that K holds nothing of it.
+  if (split.count < candidates) {
+    RigidSplit again =
+        split_rigid(run.fom, normalised(run, corrected(run, copy(found))), true);
+    if (again.count > split.count) split = std::move(again);
+  }
   const int null = split.count;
   run.observer.fact("slow modes",
                     text("%d below %.3g Hz: %d of them rigid, by a factorisation of "

@@ -51,8 +51,8 @@ def run_simulate(options: argparse.Namespace) -> None:
     from flexgram.model.recovery import stress_peaks, words_of_stress
     from flexgram.reduced_model import ReducedModel
     from flexgram.simulation.expressions import between_times, function_of_time
-    from flexgram.simulation.histories import evenly, judge, read_history, step_of
-    from flexgram.simulation.motions import too_far_apart
+    from flexgram.simulation.histories import evenly, judge, read_history
+    from flexgram.simulation.motions import step_of_answers, too_far_apart
 
     model = ReducedModel.load(options.rom, basis=options.xdmf is not None or options.stress)
     if not options.force and options.loads is None:
@@ -60,7 +60,8 @@ def run_simulate(options: argparse.Namespace) -> None:
     if options.loads is not None:
         if options.time is not None:
             raise BodyError("--time and --loads exclude each other: the file has its own times")
-        t, u = evenly(*read_history(options.loads, model.inputs), step_of(model))
+        t, u = read_history(options.loads, model.inputs)
+        t, u = evenly(t, u, step_of_answers(model, t))
     else:
         try:
             words = options.time or "0,1,1001"

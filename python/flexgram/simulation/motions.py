@@ -21,7 +21,7 @@ from flexgram.simulation.time_files import rows_of, table_of
 #: Moments of a motion that a page goes through, beside the worst one.
 MOMENTS = 40
 #: A history with fewer moments is divided further, up to so many, for its peaks to be seen.
-ENOUGH_MOMENTS = 4000
+ENOUGH_MOMENTS = 2000
 #: Moments that a period of the lowest mode needs at least, for its peaks to be seen.
 PER_PERIOD = 8
 
@@ -104,7 +104,8 @@ class Motion:
             Without a time domain, for a rigid body, or if the answer grows beyond all numbers.
         """
         part = _elastic(without_rigid_modes(model))
-        t, u = evenly(*read_history(loads, model.inputs), step_of(model))
+        t, u = read_history(loads, model.inputs)
+        t, u = evenly(t, u, step_of_answers(model, t))
         between = min(_steps_between(part, t), max(1, ENOUGH_MOMENTS // len(t)))
         t, u = refined(t, u, np.linspace(t[0], t[-1], between * (len(t) - 1) + 1))
         y, q = part.system.simulate(u, t)
@@ -195,6 +196,12 @@ def too_far_apart(part: ReducedBody, t: Floats) -> str:
         f"moments are up to {1e3 * step:.3g} ms apart, and a period of the first natural "
         f"frequency ({lowest:.4g} Hz) is {1e3 / lowest:.3g} ms: peaks between them are not seen"
     )
+
+
+def step_of_answers(model: ReducedBody, t: Floats) -> float:
+    """A step for the answer to loads with corners at these times [s]: that of the band, but for no
+    more than ``ENOUGH_MOMENTS``."""
+    return max(step_of(model), float(np.ptp(t)) / ENOUGH_MOMENTS)
 
 
 def _steps_between(part: ReducedBody, t: Floats) -> int:
