@@ -42,8 +42,9 @@ def meant(word: str, known: Iterable[str]) -> str:
 
 
 def counted(number: int, thing: str) -> str:
-    """As ``1 node``, ``2 nodes``."""
-    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+    """As ``1 node``, ``2 nodes``, ``2 masses``."""
+    ending = "" if number == 1 else "es" if thing.endswith("s") else "s"
+    return f"{number} {thing}{ending}"
 
 
 @contextmanager

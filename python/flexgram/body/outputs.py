@@ -13,7 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
+from flexgram.basics import BodyError, Floats, Ints, check_name, counted, errors_of
 from flexgram.body.constraints import Constraints
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import AXES, BodyMesh, write_vectors
@@ -281,5 +281,5 @@ def write_outputs(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
         else:
             columns, nodes, values = mean_displacement(entry, mesh.select)
             write_vectors(group, columns, nodes, values)
-            said[str(name)] = f"mean displacement of {len(nodes)} nodes"
+            said[str(name)] = f"mean displacement of {counted(len(nodes), 'node')}"
     return said

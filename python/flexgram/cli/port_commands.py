@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexgram.basics import BodyError, Floats, check_name, say, written_aside
+from flexgram.basics import BodyError, Floats, check_name, counted, say, written_aside
 
 if TYPE_CHECKING:
     from flexgram.reduced_model import ReducedModel
@@ -183,7 +183,7 @@ def run_frf(options: argparse.Namespace) -> None:
         from flexgram.pictures.figures import save
 
         save(frf.bode(functions, measured[: len(pairs)]), options.output)
-    say(f"  wrote {options.output}: {len(functions)} responses, {model.claim.words}")
+    say(f"  wrote {options.output}: {counted(len(functions), 'response')}, {model.claim.words}")
 
 
 def modes_options(parser: argparse.ArgumentParser) -> None:

@@ -132,7 +132,8 @@ def _refuse_others(job: Job, deck: Deck) -> list[str]:
                     f"{card.place}: elements {kind} are elements of a plane: gmsh writes these for "
                     "surfaces. Change them to S3 or S4, or import the .msh"
                 )
-            alike = difflib.get_close_matches(kind, known, 1, 0.7)
+            # A continuum shell (SC8R) is no slip of a shell.
+            alike = [] if kind[:2] == "SC" else difflib.get_close_matches(kind, known, 1, 0.7)
             meant = f" (did you mean {alike[0]}?)" if alike else ""
             raise BodyError(
                 f"{card.place}: elements {kind} are not supported{meant}. Elements that are: "

@@ -247,8 +247,8 @@ def hold_references(job: Job, held: dict[int, set[str]], couplings: Sequence[Cou
 
 
 FREE_ROTATIONS = (
-    "rotations of shells and beams do not follow its reference (as in CalculiX; with TIE NSET they "
-    "do)"
+    "rotations of shells and beams do not follow its reference (they do by directions 4 to 6 of "
+    "*KINEMATIC, or TIE NSET of *RIGID BODY)"
 )
 
 

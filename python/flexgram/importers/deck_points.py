@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError, Floats
+from flexgram.basics import BodyError, Floats, counted
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import Deck
 
@@ -146,7 +146,8 @@ def points_of(job: Job, deck: Deck) -> DeckPoints:
         label, (kind, _) = next(iter(left.items()))
         raise BodyError(f"{job.path}: element {label} ({kind}) has no *{TYPES[kind][0]}")
     if found.masses or found.springs:
-        counts = {"point masses": len(found.masses), "springs and dashpots": len(found.springs)}
-        said = " and ".join(f"{count} {what}" for what, count in counts.items() if count)
+        masses, springs = counted(len(found.masses), "point mass"), len(found.springs)
+        joined = "1 spring or dashpot" if springs == 1 else f"{springs} springs and dashpots"
+        said = " and ".join([masses] * bool(found.masses) + [joined] * bool(springs))
         found.remarks.append(f"part of the body: {said} of the deck")
     return found
