@@ -273,7 +273,13 @@ def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Flo
 
 
 def at_points(law: Floats) -> Floats:
-    """Laws of all elements, of each or at each point, as factors of arrays (E, q, 6, ...)."""
+    """Laws of all elements, of each or at each point, as factors of arrays (E, q, 6, ...).
+
+    Examples
+    --------
+    >>> [at_points(np.zeros(shape)).shape for shape in ((6, 6), (8, 6, 6), (8, 4, 6, 6))]
+    [(6, 6), (8, 1, 6, 6), (8, 4, 6, 6)]
+    """
     return law[:, None] if law.ndim == 3 else law
 
 

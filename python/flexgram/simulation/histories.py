@@ -93,7 +93,14 @@ def evenly(t: Floats, u: Floats, wanted: float = np.inf) -> tuple[Floats, Floats
 
 
 def refined(t: Floats, u: Floats, at: Floats) -> tuple[Floats, Floats]:
-    """The loads at other times, linear between theirs."""
+    """The loads at other times, linear between theirs.
+
+    Examples
+    --------
+    >>> t, u = refined(np.array([0.0, 2.0]), np.array([[0.0], [4.0]]), np.linspace(0, 2, 3))
+    >>> u[:, 0]
+    array([0., 2., 4.])
+    """
     return at, np.column_stack([np.interp(at, t, column) for column in u.T])
 
 
@@ -304,7 +311,14 @@ def _for_its_loads(model: ReducedBody) -> ReducedBody:
 
 
 def step_of(model: ReducedBody) -> float:
-    """A step that resolves the band of a body [s]."""
+    """A step that resolves the band of a body [s].
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> round(step_of(rom) * rom.claim.band[1] / (2 * np.pi), 9)
+    0.2
+    """
     return 2 * np.pi / (PER_PERIOD * float(model.claim.bands.max()))
 
 
