@@ -259,7 +259,8 @@ void set_stiffness(SecondOrderModel& model, Matrix K, const std::string& source)
     take_symmetric_part(K, "K", source, model.remarks);
   } else {
     refuse_one_triangle(asymmetry, "K", source);
-    model.terms.push_back({Law("skew_K", "circulatory", {}), half(K, Symmetry::skew)});
+    model.terms.push_back(
+        {Law(skew_part_of_K, "circulatory", {}), half(K, Symmetry::skew)});
     K = half(K, Symmetry::symmetric);
     model.remarks.push_back(text(
         "the skew part of K, %.1e of it, is taken for circulatory forces; the "

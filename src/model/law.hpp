@@ -84,6 +84,9 @@ const std::vector<std::pair<std::string, const LawMaker*>>& law_makers();
 /// is none.
 std::vector<std::string> numbers_of_law(const std::string& kind);
 
+/// Name of the term that holds the skew part of K.
+inline constexpr const char* skew_part_of_K = "skew_K";
+
 /// The factor g(ω) of a term g(ω)T of A(ω), with the name of T in files and messages: iω of
 /// dampers D, i of the imaginary part S of a stiffness, and those of viscoelastic materials.
 class Law {

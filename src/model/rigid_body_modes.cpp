@@ -112,7 +112,7 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
                negative = model.may_be_unstable() ? 0.0 : std::max(0.0, -turned(0, 0));
   // What roundings in all entries of a vector cost, where K holds none of the mass that it moves.
   const double of_entries =
-      computed ? std::pow(64 * epsilon, 2) * eigenvalue_scale(model) : 0.0;
+      computed ? std::pow(4 * epsilon, 2) * eigenvalue_scale(model) : 0.0;
   std::vector<int> order, rest;
   for (int j = 0; j < count; ++j) {
     const auto at = as_size(j);

@@ -26,9 +26,8 @@ double rigid_threshold(const SecondOrderModel& model);
 ///     row, soft mounts leave forces in few rows, a soft foundation forces of one sign;
 ///   - or three times the size of a negative one;
 /// and never above 256 ε φᵀdiag(K)φ (24 ε_r φᵀdiag(K)φ). Computed vectors have some energy of
-/// their own errors: 16 ε φᵀdiag(K)φ is allowed, and (64 ε)² of `eigenvalue_scale`, for a mass that
-/// nothing holds at all. None of this depends on units, on the order
-/// of the rows, or on a factor of K.
+/// their own errors: 16 ε φᵀdiag(K)φ is allowed, and (4 ε)² of `eigenvalue_scale`, for a mass that
+/// nothing holds at all. None of this depends on the order of the rows or on a factor of K.
 struct RigidSplit {
   Dense rotation; ///< orthogonal; the first `count` columns give the rigid vectors
   int count = 0;

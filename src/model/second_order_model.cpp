@@ -95,7 +95,7 @@ std::string SecondOrderModel::damping_class() const {
       if (law.number("loss") > 0)
         parts.push_back(text("%s (η = %g)", law.name().c_str(), law.number("loss")));
     } else if (!law.kind().is_stiffness() || !law.varies()) { // not what spin adds to K
-      parts.push_back(law == Law("skew_K", "circulatory", {})
+      parts.push_back(law.name() == skew_part_of_K
                           ? law.kind().words() + " (skew part of K)"
                       : law.is_named() ? law.name() + " " + law.kind().words()
                                        : law.kind().words());

@@ -366,6 +366,7 @@ def test_a_mode_on_the_cutoff(index: int) -> None:
     assert verdict.outcome == "certified" and verdict.ratio <= 1
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("coupled", [False, True])
 @pytest.mark.parametrize("loose", [1, 6, 100])
 def test_masses_that_nothing_holds_are_rigid(loose: int, coupled: bool) -> None:

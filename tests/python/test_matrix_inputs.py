@@ -1,4 +1,4 @@
-"""Loads B in files of their own, beside K and M in files of theirs."""
+"""Matrices without nodes: loads in files of their own, and what is doubted and told of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ import scipy.io
 import scipy.sparse as sp
 
 from conftest import chain, message, run
-from flexgram import BodyError, write_matrices
+from flexgram import BodyError, Matrices, reduce, write_matrices
+from flexgram.basics import counted
 from flexgram.body import bodyfile
 
 N = 30
@@ -119,7 +120,7 @@ def test_what_belongs_to_other_files_and_no_loads_at_all(files: Path) -> None:
     for kind in ("mtx", "petsc"):
         words = (files / f"K.{kind}", "--mass", files / f"M.{kind}")
         said = message(run("import", *words, "-o", files / "b.h5", expect=1))
-        assert "--rows tip=fx:715,fy:716" in said and "--inputs B" in said
+        assert "--rows tip=fx:715,fy:716" in said and "--inputs FILE" in said
     (files / "K.petsc").write_bytes(vector_bytes(np.ones(N)))
     (files / "B.petsc").write_bytes(petsc_bytes(np.eye(N)[:, :1]))
     assert "a Vec of PETSc" in message(imported(files, "petsc", files / "B.petsc", expect=1))
@@ -138,3 +139,31 @@ def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BodyError, match=r"cannot write .*b\.h5: no space left on the device"):
         write_matrices(tmp_path / "b.h5", body["K"], body["M"], body["B"])
     assert not list(tmp_path.iterdir())
+
+
+def held_chain(n: int = 60) -> tuple[sp.lil_matrix, sp.csr_matrix, np.ndarray]:
+    K = 1e6 * sp.diags([-1.0, 2, -1], [-1, 0, 1], shape=(n, n)).tolil()
+    return K, sp.eye(n, format="csr"), np.eye(n)[:, [0, n - 1]]
+
+
+@pytest.mark.parametrize("pairs", [1, 3, 4])
+def test_few_unsymmetric_entries_are_doubted(pairs: int) -> None:
+    """A slip, more often than friction."""
+    K, M, B = held_chain()
+    for k in range(pairs):
+        K[10 * k, 10 * k + 1] *= 1 + 1e-6 * (k + 1)
+    body = Matrices(K.tocsr(), M, B, beta=1e-4)
+    said = reduce(body, (1, 50), 1e-2).provenance.warnings
+    words = f"K is symmetric but for {counted(pairs, 'pair')} of entries"
+    assert any(words in one for one in said) == (pairs < 4)
+
+
+def test_rigid_motions_of_matrices_are_told(tmp_path: Path) -> None:
+    """The import of matrices cannot tell, as that of a mesh does."""
+    K, M, B = held_chain()
+    for name, end in (("held", 2e6), ("free", 1e6)):
+        K[0, 0] = K[-1, -1] = end
+        write_matrices(tmp_path / f"{name}.h5", K.tocsc(), M.tocsc(), B, beta=1e-4)
+        words = ("--band", "1,50", "--tol", "1e-2", "-o", tmp_path / "b.rom.h5")
+        said = run("reduce", tmp_path / f"{name}.h5", *words).out
+        assert ("1 of them is a rigid motion: nothing holds the body" in said) == (name == "free")

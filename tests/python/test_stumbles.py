@@ -10,7 +10,6 @@ import h5py
 import meshio
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 from test_mesh_loads import write_body
 
@@ -494,31 +493,3 @@ def test_places_are_in_the_units_of_the_files(tmp_path: Path) -> None:
         write_view(tmp_path / "b.h5", tmp_path / "b.html")
         page = (tmp_path / "b.html").read_text()
         assert "it measures 200, 20, 30 mm" in page and "forces act at [mm]" in page
-
-
-def held_chain(n: int = 60) -> tuple[sp.lil_matrix, sp.csr_matrix, np.ndarray]:
-    K = 1e6 * sp.diags([-1.0, 2, -1], [-1, 0, 1], shape=(n, n)).tolil()
-    return K, sp.eye(n, format="csr"), np.eye(n)[:, [0, n - 1]]
-
-
-@pytest.mark.parametrize("pairs", [1, 3, 4])
-def test_few_unsymmetric_entries_are_doubted(pairs: int) -> None:
-    """A slip, more often than friction."""
-    K, M, B = held_chain()
-    for k in range(pairs):
-        K[10 * k, 10 * k + 1] *= 1 + 1e-6 * (k + 1)
-    body = flexgram.Matrices(K.tocsr(), M, B, beta=1e-4)
-    said = reduce(body, (1, 50), 1e-2).provenance.warnings
-    words = f"K is symmetric but for {flexgram.basics.counted(pairs, 'pair')} of entries"
-    assert any(words in one for one in said) == (pairs < 4)
-
-
-def test_rigid_motions_of_matrices_are_told(tmp_path: Path) -> None:
-    """The import of matrices cannot tell, as that of a mesh does."""
-    K, M, B = held_chain()
-    for name, end in (("held", 2e6), ("free", 1e6)):
-        K[0, 0] = K[-1, -1] = end
-        flexgram.write_matrices(tmp_path / f"{name}.h5", K.tocsc(), M.tocsc(), B, beta=1e-4)
-        words = ("--band", "1,50", "--tol", "1e-2", "-o", tmp_path / "b.rom.h5")
-        said = run("reduce", tmp_path / f"{name}.h5", *words).out
-        assert ("1 of them is a rigid motion: nothing holds the body" in said) == (name == "free")

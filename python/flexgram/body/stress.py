@@ -139,16 +139,6 @@ class Stresses:
             raise BodyError("the body has no solids that deform: no stresses")
         return cls(file["mesh/points"][:], blocks)
 
-    @staticmethod
-    def are_in(file: h5py.File) -> bool:
-        """Whether a body file has solids that deform."""
-        follows = rigid_interfaces(file)
-        return any(
-            str(group.attrs["type"]) in SOLIDS
-            and deforming(group["connectivity"][:], follows).any()
-            for group in file["mesh/blocks"].values()
-        )
-
     def _counts(self) -> Floats:
         """Elements around each node."""
         count = np.zeros(len(self.points))

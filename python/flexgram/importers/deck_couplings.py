@@ -266,7 +266,9 @@ def _ground(content: dict[str, Any], number: int) -> None:
             del springs[name]
 
 
-def _carry(job: Job, deck: Deck, coupling: Coupling, content: dict[str, Any]) -> None:
+def _carry(
+    job: Job, deck: Deck, coupling: Coupling, content: dict[str, Any], has_rotations: bool
+) -> None:
     """The reference of a distributing coupling that carries something: a node of the body, which
     has the mean motion of the others."""
     at, *others = np.searchsorted(deck.labels, [coupling.reference, *coupling.nodes]).tolist()
@@ -275,8 +277,6 @@ def _carry(job: Job, deck: Deck, coupling: Coupling, content: dict[str, Any]) ->
         rows = mean_rows(at + 1, deck.points[at], numbers, deck.points[others])
     except BodyError as error:
         raise BodyError(f"{job.path}: *COUPLING ({coupling.name}): {error}") from None
-    elements = {n for _, nodes in deck.elements.values() for n in nodes}
-    has_rotations = coupling.reference in deck.turning() or coupling.reference not in elements
     content["equations"][coupling.name] = {"terms": rows if has_rotations else rows[:3]}
     if has_rotations:
         content["interfaces"][coupling.name] = {"coupling": "node", "nodes": [at + 1]}
@@ -359,8 +359,10 @@ def add_couplings(
             for key in ("nodes", "to_nodes")
         )
         if coupling.kind == "distributing" and is_loaded:
-            _carry(job, deck, coupling, content)
-            alone += [number] if coupling.reference not in used else []
+            is_alone = coupling.reference not in used
+            has_rotations = is_alone or coupling.reference in deck.turning()
+            _carry(job, deck, coupling, content, has_rotations)
+            alone += [number] * is_alone
             continue
         content["interfaces"][coupling.name] = entry
         if coupling.reference in used:

@@ -165,8 +165,8 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         if not len(fe.node):
             raise BodyError(
                 f"{fe.source}: no interface is named, and the files do not say which rows belong "
-                "to which node: --rows tip=fx:715,fy:716 (rows from 1), or loads in a file, "
-                "--inputs B"
+                "to which node: --rows tip=fx:715,fy:716 (from 1), or loads B (--inputs FILE; of "
+                "MATLAB a variable)"
             )
         raise BodyError(
             f"{fe.source}: no interface is named: --rigid, --distributing or --node "

@@ -13,11 +13,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, Floats, Ints, errors_of
+from flexgram.body.meshfile import SOLIDS
 from flexgram.body.shell_field import ShellField
 from flexgram.body.strain import at_points, extrapolation, stress_operator
 from flexgram.body.stress import Solid, Stresses
 from flexgram.model.damped_modes import NaturalModes
 from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.recovery import deforming_kinds
 from flexgram.model.reduced import ReducedBody
 
 #: Simpson's rule over the thickness of a shell, exact for energies of bending.
@@ -40,7 +42,10 @@ _Walk = Callable[[], Iterator[_Strained]]
 
 
 def mesh_errors(
-    model: ReducedBody, modes: Ints | None = None, body: str | Path | None = None
+    model: ReducedBody,
+    modes: Ints | None = None,
+    body: str | Path | None = None,
+    natural: NaturalModes | None = None,
 ) -> Floats:
     """How far natural frequencies are too high because elements have a size, estimated.
 
@@ -58,6 +63,8 @@ def mesh_errors(
         Numbers of modes from 0, as in ``NaturalModes``. Default: the first twelve elastic ones.
     body : str or Path, optional
         Body file; default: the one that was reduced, if it is there.
+    natural : NaturalModes, optional
+        Of ``model``, where they are known.
 
     Returns
     -------
@@ -75,7 +82,7 @@ def mesh_errors(
     >>> bool(mesh_errors(rom).max() < 0.03)
     True
     """
-    natural = NaturalModes.of(model)
+    natural = natural or NaturalModes.of(model)
     if modes is None:
         last = int(np.isfinite(natural.omega).sum())
         modes = np.arange(natural.rigid, min(natural.rigid + 12, last))
@@ -93,10 +100,9 @@ def mesh_errors(
     return found
 
 
-def modes_to_judge(model: ReducedBody, most: int = 12) -> Ints:
+def modes_to_judge(natural: NaturalModes, most: int = 12) -> Ints:
     """Numbers of elastic modes in the band: the lowest, and the highest."""
-    natural = NaturalModes.of(model)
-    inside = np.flatnonzero(natural.omega <= model.claim.band[1])
+    inside = np.flatnonzero(natural.omega <= natural.model.claim.band[1])
     inside = inside[inside >= natural.rigid]
     return inside if len(inside) <= most else np.append(inside[: most - 1], inside[-1])
 
@@ -126,10 +132,11 @@ def _energy_of_jumps(places: int, elements: _Walk, count: int) -> Floats:
 def _parts(path: Path, motion: Floats) -> Iterator[tuple[int, _Walk]]:
     """Of a body file, parts in which stress has no jumps of its own: solids of one material, one
     side of all shells; each with the number of places at which it has a mean."""
+    kinds = deforming_kinds(path)
     with errors_of(path), h5py.File(path) as file:
         if "mesh" not in file:
             raise BodyError("only the mesh of bodies that flexgram assembles can be judged")
-        solids = Stresses.of(file) if Stresses.are_in(file) else None
+        solids = Stresses.of(file) if kinds & set(SOLIDS) else None
         shells = ShellField.of(file)
     if solids is None and not shells.sheets:
         raise BodyError("the body has no solids and no shells: the error of its mesh is not known")

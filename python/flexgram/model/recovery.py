@@ -63,7 +63,7 @@ class StressField:
         return stress
 
 
-def _kinds(path: Path) -> set[str]:
+def deforming_kinds(path: Path) -> set[str]:
     """Types of elements that deform."""
     with errors_of(path), h5py.File(path) as file:
         if "mesh" not in file:
@@ -80,7 +80,7 @@ def _kinds(path: Path) -> set[str]:
 def has_stress(model: ReducedBody, body: str | Path | None = None) -> bool:
     """Whether its body file is there, and holds solids or shells."""
     try:
-        return bool(_kinds(Path(body_of(model, body))) & {*SOLIDS, *SHELLS})
+        return bool(deforming_kinds(Path(body_of(model, body))) & {*SOLIDS, *SHELLS})
     except BodyError:
         return False
 
@@ -93,7 +93,7 @@ def sides_of(model: ReducedBody, body: str | Path | None = None) -> list[str]:
     BodyError
         If the body file is missing.
     """
-    kinds = _kinds(Path(body_of(model, body)))
+    kinds = deforming_kinds(Path(body_of(model, body)))
     sides = ["top", "bottom"] if kinds & set(SHELLS) else []
     return ["", *sides] if kinds & set(SOLIDS) or not sides else sides
 
@@ -129,7 +129,7 @@ def stress_field(model: ReducedBody, body: str | Path | None = None, side: str =
 
 
 def _of_solids(model: ReducedBody, path: Path) -> StressField:
-    if path.exists() and not (kinds := _kinds(path)) & set(SOLIDS) and kinds & set(SHELLS):
+    if path.exists() and not (kinds := deforming_kinds(path)) & set(SOLIDS) and kinds & set(SHELLS):
         raise BodyError("stress: name the side of the shells: top, middle or bottom")
     motion = Geometry.load(path).motion(model)
     stresses = Stresses.load(path)

@@ -254,23 +254,23 @@ class Report:
         moved = space.motion(motion.part, q)
         scene.set_history(motion.t[few], moved, stress, len(motion.t), most, name)
 
-    def _errors_of_mesh(self) -> dict[int, float]:
+    def _errors_of_mesh(self, natural: NaturalModes) -> dict[int, float]:
         """By numbers of modes in the band, how far the mesh makes frequencies too high."""
+        numbers = modes_to_judge(natural)
         try:
-            numbers = modes_to_judge(self.model)
-            errors = mesh_errors(self.model, numbers, self.body)
+            errors = mesh_errors(self.model, numbers, self.body, natural)
         except BodyError:
             return {}
         return dict(zip(numbers.tolist(), errors.tolist(), strict=True))
 
     def plan_and_modes(self) -> list[str]:
         """The modes, free and held; interfaces and mass; what was done."""
-        of_mesh = self._errors_of_mesh()
         natural = self.natural or NaturalModes.of(self.model)
+        of_mesh = self._errors_of_mesh(natural)
         coarse = max(of_mesh.values(), default=0) > COARSE
         words = tables.error_of_mesh(natural, of_mesh)
         if coarse:
-            self.told.append(f"{words}: smaller elements, or those of second order, are better")
+            self.told.append(f"{words}. Smaller elements, or those of second order, make it less")
         plan = tables.plan(self.made.plan) if self.made.plan else "<p>not stored</p>"
         drawn = len(self.scene.motions) if self.scene else 0
         return [
