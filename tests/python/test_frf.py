@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -137,3 +138,21 @@ def test_tables_and_what_is_refused(model: ReducedModel, tmp_path: Path) -> None
     with pytest.raises(BodyError, match="finite and not negative"):
         responses(model, [PAIRS[0]], [-1.0])
     assert frac([1, 2, 3j], [2j, 4j, -6]) == pytest.approx(1)
+
+
+def test_a_table_tells_quantity_and_unit_and_may_have_equal_ratios(
+    model: ReducedModel, tmp_path: Path
+) -> None:
+    table = tmp_path / "x.csv"
+    pair = ("--pair", "end.fx=end.fx", "--rate", "acceleration")
+    run("frf", model.path, *pair, "--hz", "10,1000,5", "--log", "-o", table)
+    head, *rows = csv.reader(table.read_text().splitlines())
+    assert head == [
+        "Hz",
+        "Re acceleration end.fx from end.fx [m/s2/N]",
+        "Im acceleration end.fx from end.fx [m/s2/N]",
+    ]
+    hertz = [float(row[0]) for row in rows]
+    assert hertz == pytest.approx([10, 10**1.5, 100, 10**2.5, 1000])
+    said = run("frf", model.path, *pair, "--hz", "0,1000,5", "--log", "-o", table, expect=1).err
+    assert "a first frequency above 0" in said

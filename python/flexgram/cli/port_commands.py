@@ -119,6 +119,11 @@ def frf_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--hz", help="first,last,count; default: 800 over the band")
     parser.add_argument(
+        "--log",
+        action="store_true",
+        help="frequencies with equal ratios, and a logarithmic axis",
+    )
+    parser.add_argument(
         "--rate", choices=RATES, default=RATES[0], help="what answers (default %(default)s)"
     )
     parser.add_argument(
@@ -155,11 +160,14 @@ def run_frf(options: argparse.Namespace) -> None:
         raise BodyError(f"{options.measured} has {len(measured)} responses for {len(pairs)} pairs")
     if options.hz:
         first, last, count = numbers(f"--hz {options.hz}", options.hz, 3)
-        hertz = np.linspace(first, last, count_of(f"--hz {options.hz}", count))
+        count = count_of(f"--hz {options.hz}", count)
     else:
-        hertz = np.linspace(
-            model.claim.band[0] / (2 * np.pi), model.claim.band[-1] / (2 * np.pi), 800
+        first, last, count = *(model.claim.band[[0, -1]] / (2 * np.pi)), 800
+    if options.log and not (first > 0 and last > 0):
+        raise BodyError(
+            f"--log from {first:g} to {last:g} Hz: name a first frequency above 0 (--hz 1,500,800)"
         )
+    hertz = (np.geomspace if options.log else np.linspace)(first, last, count)
     functions = []
     for k, pair in enumerate(pairs):
         at = measured[k].hertz if measured and not options.hz else hertz
@@ -182,7 +190,7 @@ def run_frf(options: argparse.Namespace) -> None:
     else:
         from flexgram.pictures.figures import save
 
-        save(frf.bode(functions, measured[: len(pairs)]), options.output)
+        save(frf.bode(functions, measured[: len(pairs)], options.log), options.output)
     say(f"  wrote {options.output}: {counted(len(functions), 'response')}, {model.claim.words}")
 
 

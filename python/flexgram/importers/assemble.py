@@ -270,7 +270,8 @@ def assemble_deck(
         As of ``import_mesh``. With ``deck_loads`` a preload may be of the deck's loads:
         ``{"step1_cload.load": 1}``.
     abaqus : bool
-        The deck is for Abaqus, where it means something else for CalculiX (*BEAM SECTION of CIRC).
+        The deck is for Abaqus, where it means something else for CalculiX (CIRC of *BEAM SECTION,
+        BEAM of *MPC). A deck of instances is.
 
     Returns
     -------
@@ -286,6 +287,7 @@ def assemble_deck(
     lines = flat(path)
     job = read_job(path, lines)
     deck = read_deck(path, lines)
+    abaqus = abaqus or lines is not None  # CalculiX knows no instances
     of_surfaces = _refuse_others(job, deck)
     if deck.directed:
         raise BodyError(
@@ -361,7 +363,7 @@ def assemble_deck(
         "mass_integration": "reduced",
         "masses": points.masses,
         "springs": points.springs,
-        "equations": equations_of(job, deck) | skew,
+        "equations": equations_of(job, deck, abaqus=abaqus) | skew,
         "ties": ties_of(job, deck),
         "loads": loads,
         "outputs": outputs,

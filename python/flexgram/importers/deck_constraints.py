@@ -1,6 +1,6 @@
 """Equations, ties and multi-point constraints of a CalculiX or Abaqus deck, as a body's description
-has them. TIE and PIN of *MPC are Abaqus'; BEAM is refused: rigid in Abaqus, it keeps a distance and
-no more in CalculiX."""
+has them. TIE, PIN and BEAM of *MPC are Abaqus'; in a deck for CalculiX BEAM is refused, where it
+keeps a distance and no more."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexgram.basics import BodyError, Floats, errors_of
-from flexgram.importers.alone import row_along
+from flexgram.importers.alone import rigid_row, row_along
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import Deck
 from flexgram.importers.deck_axes import axes_of_nodes
@@ -23,8 +23,9 @@ OPTIONS = {"NAME", "POSITION TOLERANCE", "ADJUST", "TYPE", "NO ROTATION"}
 Equation = list[list[Any]]  #: rows of a number of a node from 1, a component, a factor
 
 
-def equations_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
-    """Entries of ``equations`` of a description: of *EQUATION and *MPC.
+def equations_of(job: Job, deck: Deck, *, abaqus: bool = False) -> dict[str, dict[str, Any]]:
+    """Entries of ``equations`` of a description: of *EQUATION and *MPC; ``abaqus``: as Abaqus means
+    them.
 
     Raises
     ------
@@ -34,14 +35,14 @@ def equations_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
     for cards in job.steps:
         if some := [card.keyword for card in cards if card.keyword in CARDS]:
             raise BodyError(f"{job.path}: *{some[0]} in a step is not supported (--run-ccx)")
-    found: dict[str, dict[str, Any]] = {}
     axes = axes_of_nodes(job, deck)
-    for keyword, read in (("EQUATION", _equations), ("MPC", _points)):
-        cards = [card for card in job.model if card.keyword == keyword]
-        terms = [equation for card in cards for equation in read(job, deck, axes, card)]
-        if terms:
-            found[keyword.lower()] = {"terms": terms}
-    return found
+    terms: dict[str, list[Equation]] = {"equation": [], "mpc": []}
+    for card in job.model:
+        if card.keyword == "EQUATION":
+            terms["equation"] += _equations(job, deck, axes, card)
+        elif card.keyword == "MPC":
+            terms["mpc"] += _points(job, deck, axes, card, abaqus)
+    return {name: {"terms": own} for name, own in terms.items() if own}
 
 
 def along(axes: Mapping[int, Floats], label: int, number: int, c: int, factor: float) -> Equation:
@@ -55,11 +56,6 @@ def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> 
     where = f"{job.path}: *EQUATION"
     if card.options:
         raise BodyError(f"{where}: {next(iter(card.options))} is not supported: --run-ccx knows it")
-    unsorted = {
-        of.options["NSET"].upper()
-        for of in job.model
-        if of.keyword == "NSET" and "UNSORTED" in of.options
-    }
     words = [word for row in card.words() for word in row if word]
     found: list[Equation] = []
     while words:
@@ -70,14 +66,7 @@ def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> 
             raise BodyError(f"{where}: expected {3 * count} entries, found {', '.join(own)!r}")
         columns: list[list[Equation]] = []
         for name, direction, factor in zip(own[::3], own[1::3], own[2::3], strict=True):
-            if not name.isdigit() and name.upper() not in deck.sets:
-                raise BodyError(f"{where}: there is no node set {name}")
-            if name.upper() in unsorted | deck.repeated:
-                raise BodyError(
-                    f"{where}: the order of node set {name} is not known here (UNSORTED, or nodes "
-                    "named twice): write an equation for each node"
-                )
-            labels = [int(name)] if name.isdigit() else deck.sets[name.upper()].tolist()
+            labels = _members(job, deck, where, name)
             with errors_of(where):
                 c, value = range(6)[int(direction) - 1], float(factor)
             columns.append([along(axes, n, deck.index(job.path, n) + 1, c, value) for n in labels])
@@ -89,29 +78,69 @@ def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> 
     return found
 
 
-def _points(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> list[Equation]:
-    """TIE and PIN of *MPC: the first node follows the second."""
-    turning = deck.turning()
+def _points(
+    job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card, abaqus: bool
+) -> list[Equation]:
+    """TIE, PIN and BEAM of *MPC: the first node follows the second, by BEAM as a rigid body."""
+    used = {node for _, nodes in deck.elements.values() for node in nodes}
+    turning = deck.turning() | (set(deck.labels.tolist()) - used)
     found: list[Equation] = []
     for words in card.words():
         words = [word for word in words if word]
         where = f"{job.path}: *MPC {', '.join(words)}"
         kind = words[0].upper() if words else ""
-        if kind not in ("TIE", "PIN") or len(words) != 3:
+        if kind not in ("TIE", "PIN", "BEAM") or len(words) != 3:
             raise BodyError(
-                f"{where}: only TIE and PIN of two nodes are followed; *RIGID BODY, or *EQUATION, "
-                "says what BEAM may mean"
+                f"{where}: only TIE and PIN of two nodes are followed, and BEAM of Abaqus; "
+                "*RIGID BODY and *EQUATION join nodes too"
             )
-        if not (words[1].isdigit() and words[2].isdigit()):
-            raise BodyError(f"{where}: name two nodes")
-        first, second = int(words[1]), int(words[2])
-        if {first, second} & set(axes):
-            raise BodyError(f"{where}: axes of its nodes (*TRANSFORM) are not supported")
-        a, b = deck.index(job.path, first) + 1, deck.index(job.path, second) + 1
-        turns = {first, second} <= turning and kind != "PIN"
-        for c in range(6 if turns else 3):
-            found.append([[a, COMPONENTS[c], 1.0], [b, COMPONENTS[c], -1.0]])
+        if kind == "BEAM" and not abaqus:
+            raise BodyError(
+                f"{where}: say --format abaqus if it is a rigid beam, as in Abaqus; in CalculiX "
+                "it keeps a distance and no more, which is not supported"
+            )
+        followers, leaders = (_members(job, deck, where, word) for word in words[1:])
+        if len(leaders) not in (1, len(followers)):
+            raise BodyError(f"{where}: sets of {len(followers)}, {len(leaders)} nodes")
+        leaders = leaders * len(followers) if len(leaders) == 1 else leaders
+        for first, second in zip(followers, leaders, strict=True):
+            if {first, second} & set(axes):
+                raise BodyError(f"{where}: axes of its nodes (*TRANSFORM) are not supported")
+            if kind == "BEAM" and second not in turning:
+                raise BodyError(
+                    f"{where}: node {second} is one of solids, which has no rotations to follow: "
+                    "put a node that no element has in the second place"
+                )
+            a, b = deck.index(job.path, first), deck.index(job.path, second)
+            turns = {first, second} <= turning and kind != "PIN"
+            arm = deck.points[a] - deck.points[b]
+            for c in range(6 if turns else 3):
+                if kind == "BEAM":
+                    found.append(rigid_row(a + 1, b + 1, c, arm))
+                else:
+                    found.append([[a + 1, COMPONENTS[c], 1.0], [b + 1, COMPONENTS[c], -1.0]])
     return found
+
+
+def _members(job: Job, deck: Deck, where: str, word: str) -> list[int]:
+    """A node, or the nodes of a set in their order."""
+    if word.isdigit():
+        return [int(word)]
+    name = word.upper()
+    if name not in deck.sets:
+        raise BodyError(f"{where}: there is no node set {word}")
+    unsorted = any(
+        card.keyword == "NSET"
+        and card.options.get("NSET", "").upper() == name
+        and "UNSORTED" in card.options
+        for card in job.model
+    )
+    if unsorted or name in deck.repeated:
+        raise BodyError(
+            f"{where}: the order of node set {word} is not known here (UNSORTED, or nodes named "
+            "twice): name one node after the other"
+        )
+    return [int(label) for label in deck.sets[name]]
 
 
 def ties_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:

@@ -25,7 +25,7 @@ INSTANCE = re.compile(r"\s*\*\s*INSTANCE\b", re.IGNORECASE)
 GLOBAL = ("MATERIAL", "AMPLITUDE")
 #: Cards of a part with rows of nodes, which are not supported; and with directions, not turned.
 ROWS = ("EQUATION", "MPC", "TIE")
-TURNED = ("BEAM SECTION", "BEAM GENERAL SECTION", "TRANSFORM", "SPRING")
+TURNED = ("BEAM SECTION", "BEAM GENERAL SECTION", "TRANSFORM", "SPRING", "ROTARY INERTIA")
 #: Cards whose first column names nodes, elements or sets.
 FIRST = (
     *("NODE", "SURFACE", "BOUNDARY", "CLOAD", "DLOAD", "TEMPERATURE", "INITIAL CONDITIONS"),

@@ -1,5 +1,5 @@
-"""Point masses, springs and dashpots of a CalculiX or Abaqus deck, as a body's description has
-them."""
+"""Point masses, rotary inertias (Abaqus), springs and dashpots of a CalculiX or Abaqus deck, as a
+body's description has them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from flexgram.importers.deck import Deck
 #: Element types -> the card of their property and how many nodes they have.
 TYPES = {
     "MASS": ("MASS", 1),
+    "ROTARYI": ("ROTARY INERTIA", 1),
     "SPRINGA": ("SPRING", 2),
     "SPRING1": ("SPRING", 1),
     "SPRING2": ("SPRING", 2),
@@ -72,6 +73,14 @@ def _property(job: Job, card: Card) -> list[list[float]]:
     if not rows:
         raise BodyError(f"{where}: expected numbers")
     return rows
+
+
+def _inertia(card: Card, rows: list[list[float]]) -> list[float]:
+    """xx, yy, zz, xy, yz, zx of an inertia tensor, which Abaqus has as xx, yy, zz, xy, xz, yz."""
+    if len(rows) != 1 or len(rows[0]) > 6:
+        raise BodyError(f"{card.place}: expected I11, I22, I33, I12, I13, I23")
+    xx, yy, zz, xy, zx, yz = [*rows[0], *[0.0] * 5][:6]
+    return [xx, yy, zz, xy, yz, zx]
 
 
 def _along(job: Job, kind: str, rows: list[list[float]]) -> Any:
@@ -134,6 +143,10 @@ def points_of(job: Job, deck: Deck) -> DeckPoints:
             if kind == "MASS":
                 found.masses[f"mass_{label}"] = {"nodes": places, "mass": rows[0][0]}
                 continue
+            if kind == "ROTARYI":
+                inertia = _inertia(card, rows)
+                found.masses[f"inertia_{label}"] = {"nodes": places, "inertia": inertia}
+                continue
             entry: dict[str, Any] = {"nodes": places[:1]}
             if len(places) > 1:
                 entry["to_nodes"] = places[1:]
@@ -146,8 +159,13 @@ def points_of(job: Job, deck: Deck) -> DeckPoints:
         label, (kind, _) = next(iter(left.items()))
         raise BodyError(f"{job.path}: element {label} ({kind}) has no *{TYPES[kind][0]}")
     if found.masses or found.springs:
-        masses, springs = counted(len(found.masses), "point mass"), len(found.springs)
+        inertias = sum("inertia" in of for of in found.masses.values())
+        masses, springs = len(found.masses) - inertias, len(found.springs)
         joined = "1 spring or dashpot" if springs == 1 else f"{springs} springs and dashpots"
-        said = " and ".join([masses] * bool(found.masses) + [joined] * bool(springs))
+        said = " and ".join(
+            [counted(masses, "point mass")] * bool(masses)
+            + [counted(inertias, "rotary inertia")] * bool(inertias)
+            + [joined] * bool(springs)
+        )
         found.remarks.append(f"part of the body: {said} of the deck")
     return found

@@ -9,6 +9,7 @@ directions 1-3 of translations, 4-6 of rotations; their names stand as entities.
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,7 +127,7 @@ def responses(
 
 
 def write_csv(functions: Sequence[Response], path: str | Path) -> None:
-    """Frequencies [Hz] and real and imaginary part of each.
+    """Frequencies [Hz] and real and imaginary part of each, with its unit.
 
     Examples
     --------
@@ -138,7 +139,11 @@ def write_csv(functions: Sequence[Response], path: str | Path) -> None:
         table.writerow(
             [
                 "Hz",
-                *(f"{part} {r.output} from {r.input}" for r in functions for part in ("Re", "Im")),
+                *(
+                    f"{part} {_quantity(r)} {r.output} from {r.input} [{_unit(r)}]"
+                    for r in functions
+                    for part in ("Re", "Im")
+                ),
             ]
         )
         for k, f in enumerate(functions[0].hertz):
@@ -270,15 +275,24 @@ def frac(a: ArrayLike, b: ArrayLike) -> float:
     return float(np.abs(np.vdot(x, y)) ** 2 / size) if size > 0 else 0.0
 
 
-def _axis(r: Response) -> str:
-    """What a response is and its unit, per unit of the input."""
+def _unit(r: Response) -> str:
+    """The unit of a response, per unit of the input."""
     above, below = unit_of(r.output, True, r.rate), unit_of(r.input, False)
-    what = r.rate if unit_of(r.output, True) in ("m", "rad") else r.output.rpartition(".")[2]
-    return f"|{what}| [{above}/({below})]" if above and below else f"|{what}| [SI]"
+    if not (above and below):
+        return "SI"
+    return f"{above}/({below})" if re.search("[./]", below) else f"{above}/{below}"
 
 
-def bode(functions: Sequence[Response], measured: Sequence[Response] = ()) -> Any:
-    """Amount and phase of each over the frequency; ``measured`` beside them, one for each.
+def _quantity(r: Response) -> str:
+    """What answers: a rate of motions, else the kind of output that the port's name tells."""
+    return r.rate if unit_of(r.output, True) in ("m", "rad") else r.output.rpartition(".")[2]
+
+
+def bode(
+    functions: Sequence[Response], measured: Sequence[Response] = (), log: bool = False
+) -> Any:
+    """Magnitude and phase of each over the frequency; ``measured`` beside them, one for each; with
+    ``log`` on a logarithmic axis.
 
     Examples
     --------
@@ -300,11 +314,13 @@ def bode(functions: Sequence[Response], measured: Sequence[Response] = ()) -> An
         for one, color, label in sets:
             panels[2 * k].semilogy(one.hertz, np.abs(one.values), color=color, label=label)
             panels[2 * k + 1].plot(one.hertz, np.angle(one.values, deg=True), color=color)
-        panels[2 * k].set(title=f"{r.output} from {r.input}", ylabel=_axis(r))
+        panels[2 * k].set(
+            title=f"{r.output} from {r.input}", ylabel=f"|{_quantity(r)}| [{_unit(r)}]"
+        )
         panels[2 * k + 1].set(ylabel="phase [°]", ylim=(-190, 190), yticks=(-180, 0, 180))
         for axes in panels[2 * k : 2 * k + 2]:
             axes.grid(alpha=0.3)
         if len(sets) > 1:
             panels[2 * k].legend()
-    panels[-1].set(xlabel="frequency [Hz]")
+    panels[-1].set(xlabel="frequency [Hz]", xscale="log" if log else "linear")
     return figure
