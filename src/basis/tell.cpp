@@ -246,12 +246,22 @@ void tell_supremum(const CutStory& cut, const ReducedModel& rom, Observer& obser
 
 /// What rounding of the data may change, beside the claim.
 void tell_rounding(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
-  if (cut.seen.model().rigid > 0)
+  if (cut.seen.model().rigid > 0) {
+    const double change = rom.claim.supremum->rigid_rounding;
     observer.fact(
         "rigid rounding",
         text("the rigid modes count as exactly rigid: what K holds of their stiffness "
              "is at the level of its rounding (change of H if it were real: %.0e)",
-             rom.claim.supremum->rigid_rounding));
+             change));
+    const OrderSpec& order = cut.request.order;
+    if (change > std::max(order.tolerance ? order.smallest() : 0.0, cut.sup.worst))
+      observer.warn(text("rounding of K holds the rigid modes a little; they count as "
+                         "exactly rigid. If the "
+                         "stored numbers were meant, H would differ by up to %.1e at the "
+                         "lowest frequencies: "
+                         "let the band ({band_hz}) begin higher",
+                         change));
+  }
   if (!rom.claim.curve.data_rounding.empty())
     observer.fact(
         "data rounding",

@@ -16,6 +16,7 @@ namespace {
 /// digits.
 constexpr double negative_floor = 1e-9;
 
+/// The largest size in each row of this rank, infinity where a number is not finite.
 std::vector<double> row_maxima(Mat a) {
   const RowRange rows = owned_rows(a);
   std::vector<double> maxima;
@@ -24,7 +25,10 @@ std::vector<double> row_maxima(Mat a) {
     const PetscScalar* values = nullptr;
     FG_CALL(MatGetRow(a, row, &count, nullptr, &values));
     double largest = 0;
-    for (PetscInt k = 0; k < count; ++k) largest = std::max(largest, std::abs(values[k]));
+    for (PetscInt k = 0; k < count; ++k)
+      largest = std::max(largest, std::isfinite(values[k])
+                                      ? std::abs(values[k])
+                                      : std::numeric_limits<double>::infinity());
     maxima.push_back(largest);
     FG_CALL(MatRestoreRow(a, row, &count, nullptr, &values));
   }
@@ -37,12 +41,17 @@ constexpr double largest_entry = 1e120;
 void check_size(const char* name, const std::vector<double>& row_maxima,
                 const SecondOrderModel& model) {
   agree(model.comm, [&] {
-    for (std::size_t i = 0; i < row_maxima.size(); ++i)
+    for (std::size_t i = 0; i < row_maxima.size(); ++i) {
+      const long row = static_cast<long>(model.rows.begin) + static_cast<long>(i);
+      if (std::isinf(row_maxima[i]))
+        throw Error(
+            text("%s has an entry in row %ld (0-based) that is not a finite number", name,
+                 row));
       if (row_maxima[i] > largest_entry)
         throw Error(text("%s has an entry of %.0e in row %ld, which doubles cannot "
                          "square: are its units right?",
-                         name, row_maxima[i],
-                         static_cast<long>(model.rows.begin) + static_cast<long>(i)));
+                         name, row_maxima[i], row));
+    }
   });
 }
 
@@ -76,6 +85,8 @@ void check_rows(const SecondOrderModel& model, BodyFacts& facts) {
   const auto k_diagonal = diagonal(model.K), m_diagonal = diagonal(model.M);
   check_size("K", k_rows, model);
   check_size("M", m_rows, model);
+  for (const auto& [law, matrix] : model.terms)
+    check_size(law.name().c_str(), row_maxima(matrix), model);
   std::int64_t massless = 0;
   agree(model.comm, [&] {
     for (std::size_t i = 0; i < k_rows.size(); ++i) {
@@ -198,8 +209,10 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffne
     for (const auto& [law, matrix] : model.terms)
       if (law.is_semidefinite() && !law.is_skew())
         check_semidefinite(matrix, law.name().c_str(),
-                           "a body does not gain energy from its damping", model, options,
-                           facts);
+                           law.is_viscous() || law.is_structural()
+                               ? "a body does not gain energy from its damping"
+                               : "which the proof needs",
+                           model, options, facts);
   }
   if (!stiffness) return facts;
   SolverOptions ordered = counting(options);

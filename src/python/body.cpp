@@ -9,14 +9,17 @@
 #include <slepcsys.h>
 
 #include <cmath>
+#include <csignal>
 
 namespace flexgram {
 
 void start() {
   PetscBool running = PETSC_FALSE;
   SlepcInitialized(&running);
-  if (!running && SlepcInitializeNoArguments())
+  if (running) return;
+  if (SlepcInitializeNoArguments())
     throw Error("PETSc or SLEPc did not start; see the message above");
+  std::signal(SIGPIPE, SIG_IGN); // as Python has it: its own error tells of a closed pipe
 }
 
 MPI_Comm comm_of(std::intptr_t fortran) {

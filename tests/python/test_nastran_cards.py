@@ -202,7 +202,7 @@ def test_supports_and_shared_references(tmp_path: Path) -> None:
 def test_systems_by_grdset(tmp_path: Path) -> None:
     """CP and CD of grids that leave these blank; 0 is the basic system."""
 
-    system = "CORD2R,7,,0.02,0.01,0.,0.02,0.01,1.\n,1.,0.1,0.\nSPC1,1,2,20\n"
+    system = "CORD2R,7,,0.02,0.01,0.,0.02,0.01,1.\n,1.,0.1,0.\nSPC1,1,2,20\nSPC1,1,1,50\n"
     plain = re.sub(r"GRID,50,,([^\n]*)", r"GRID,50,0,\1,0", plate(system))
     own = re.sub(r"GRID,(\d+),,([^\n]*)", r"GRID,\1,7,\2,7", plain)
     found = []
@@ -212,6 +212,39 @@ def test_systems_by_grdset(tmp_path: Path) -> None:
         found.append(assembled(tmp_path / "m.h5", tmp_path / "p.h5")["K"].toarray())
     assert np.array_equal(found[0], found[1])
     assert found[2].shape != found[0].shape or not np.allclose(found[2], found[0])
+
+
+def test_what_beams_leave_to_baror_and_beamor(tmp_path: Path) -> None:
+    """Property and orientation, where a card leaves them blank."""
+    rest = (
+        "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,2.,0.,0.\nGRID,4,,3.,0.,0.\n"
+        "PBAR,4,1,1.-4,1.-8,3.-8,1.-8\nPBAR,5,1,2.-4,2.-8,5.-8,1.-8\n"
+        "PBEAM,7,1,3.-4,1.-8,2.-8,,1.-8\nMAT1,1,2.1+11,,.3,7800.\nSPC1,1,123456,1\nENDDATA\n"
+    )
+    found = []
+    for beams in (
+        "CBAR,1,4,1,2,0.,1.,0.\nCBAR,2,5,2,3,0.,0.,1.\nCBEAM,3,7,3,4,0.,0.,1.\n",
+        "CBAR,1,,1,2\nBAROR,,4,,,0.,1.,0.\nCBAR,2,5,2,3,0.,0.,1.\n"
+        "CBEAM,3,,3,4\nBEAMOR,,7,,,0.,0.,1.\n",
+    ):
+        path = tmp_path / "b.bdf"
+        path.write_text("SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n" + beams + rest)
+        assemble_bulk(path, tmp_path / "b.h5", [parse("node", "tip=NODES:4")])
+        found.append(assembled(tmp_path / "m.h5", tmp_path / "b.h5")["K"].toarray())
+    assert np.array_equal(found[0], found[1])
+
+
+def test_an_average_in_some_components_carries_a_mass(tmp_path: Path) -> None:
+    """The rotations of the grid of a RBE3, which nothing touches, are held; it is no interface."""
+    rbe3 = "GRID,900,,0.9,0.5,0.2\nCONM2,990,900,,5.\nRBE3,901,,900,123,1.,123,50,60\n,90\n"
+    (tmp_path / "p.bdf").write_text(plate(rbe3))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    assert "rbe3_901 moves its grid 900 in 123 only" in " ".join(facts["remarks"])
+    assert "rbe3_901" not in facts["interfaces"]
+    a = assembled(tmp_path / "m.h5", tmp_path / "p.h5")
+    size = abs(a["K"]).max(axis=1).toarray().ravel() + abs(a["M"]).max(axis=1).toarray().ravel()
+    assert np.all(size > 0)
+    assert a["M"].sum() > 0
 
 
 def test_elements_with_the_same_grids(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ claims say of the whole (``assembly_claim``).
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike
 from flexgram.assembly.claim import AssemblyBound, verdict
 from flexgram.assembly.joints import GROUND, PORTS, Joint, Parts, common_bands, tied
 from flexgram.assembly.varying import combinations, parameters_of, with_values
-from flexgram.basics import BodyError, Floats, written_aside
+from flexgram.basics import BodyError, Floats, ReductionWarning, written_aside
 from flexgram.body.terms import Term
 from flexgram.body.varying_laws import Parameter, parameter
 from flexgram.model.damped_modes import NaturalModes
@@ -160,9 +161,9 @@ def couple(
         fields |= {f"{path}/{key}": numbers for key, numbers in term.law.numbers().items()}
         if isinstance(term.law, Parameter):
             K_now += term.law.stiffness * fields[path]
-    squares = natural_modes(K_now, fields["M"])[0]
+    squares, modes = natural_modes(K_now, fields["M"])
     fields["modes/omega"] = np.sqrt(np.maximum(squares[np.isfinite(squares)], 0))
-    fields["frame/rigid_modes"] = _rigid_motions(parts, held)
+    fields["frame/rigid_modes"] = rigid = _rigid_motions(parts, held)
     fields["modes/omega"][: fields["frame/rigid_modes"]] = 0  # but for rounding
     values = combinations(models, joints)
     known = AssemblyBound.with_each(
@@ -186,6 +187,15 @@ def couple(
             "joints will hold it, join it to ground here: the claim is then of what is held"
         )
     largest = max(model.claim.supremum for model in models.values())
+    top = slice(rigid, np.count_nonzero(fields["modes/omega"] <= 2 * fields["band"][1]))
+    joint, lost = _lost_by_springs(parts, held, N @ modes[:, top], squares[top])
+    if joint is not None and lost > max(largest, LOST):
+        warnings.warn(
+            f"the spring {joint.first} = {joint.second} is so stiff that rounding changes H by "
+            f"about {lost:.0e}: a tie (--join {joint.first}={joint.second}) loses nothing",
+            ReductionWarning,
+            stacklevel=2,
+        )
     worst = float(fields["error/worst"])
     if largest > 0 and 10 * largest < worst < np.inf:
         fields["log/plan"].append(
@@ -238,6 +248,37 @@ def _joined(parts: Parts, held: Sequence[Held]) -> tuple[Floats, Floats, Floats,
         else:
             D += damper * square
     return K, D, S, terms
+
+
+#: What rounding of a stiff spring may change of H without a warning; and how many times what it
+#: changes of eigenvalues, by estimate, it changes of H (beams, 1e10 to 1e14 N/m: 5 to 200).
+LOST, OF_RESPONSE = 1e-6, 30.0
+
+
+def _lost_by_springs(
+    parts: Parts, held: Sequence[Held], shapes: Floats, squares: Floats
+) -> tuple[Joint | None, float]:
+    """The spring that costs H most digits, and about how much of H rounding changes there: the
+    motions of its ends are sums over modes, and cancel in their difference.
+
+    Parameters
+    ----------
+    shapes : (m, k) array
+        Modes of the assembly, of unit modal mass, in the coordinates of the parts.
+    squares : (k,) array
+        Of their frequencies [rad²/s²].
+    """
+    found: tuple[Joint | None, float] = None, 0.0
+    for joint, direction, weights in held:
+        if joint.ties or not shapes.size:
+            continue
+        size = np.abs(parts.B @ weights) @ np.abs(shapes)
+        stiffness = abs(joint.complex_stiffness(direction)) * size**2
+        rounding = OF_RESPONSE * np.finfo(float).eps * stiffness
+        lost = min(1.0, float((rounding / np.maximum(squares, rounding)).max()))
+        if lost > found[1]:
+            found = joint, lost
+    return found
 
 
 def _expect_moving(parts: Parts, held: Sequence[Held], left: Floats) -> None:

@@ -63,7 +63,7 @@ def _words(diagram: Campbell, one: CriticalSpeed) -> str:
     if one.order != 1:
         return words
     load = "a load that keeps its direction in space" if diagram.turning else "an unbalance"
-    return f"{words}, where {load} excites it"
+    return f"{words}, where {load} may excite it"
 
 
 def run_campbell(options: argparse.Namespace) -> None:
@@ -85,13 +85,11 @@ def run_campbell(options: argparse.Namespace) -> None:
             raise BodyError(f"--speeds {options.speeds}: expected FROM,TO or FROM,TO,COUNT")
         speeds = np.linspace(given[0], given[1], int(given[2]) if len(given) == 3 else 61)
     given_orders = _numbers("--orders", options.orders) if options.orders else None
-    count = options.modes
-    if count is None:
-        whole = campbell(model.system, speeds)
-        lowest = np.where(np.isnan(whole.omega), np.inf, whole.omega)
-        inside = np.flatnonzero((lowest <= model.claim.band[-1]).any(axis=0))
-        count = max(1, 1 + int(inside.max(initial=0)))
-    diagram = campbell(model.system, speeds, count)
+    diagram = campbell(model.system, speeds, options.modes)
+    if options.modes is None:
+        below = np.where(np.isnan(diagram.omega), np.inf, diagram.omega) <= model.claim.band[-1]
+        inside = np.flatnonzero(below.any(axis=0))
+        diagram = diagram.of_modes(inside if len(inside) else [0])
     orders = given_orders or ([0.0, 1.0] if diagram.turning else [1.0])
     frame = "seen in the frame that turns with the body" if diagram.turning else "frame at rest"
     say(f"  natural frequencies [Hz], {frame}; + forward, - backward; of the reduced body")
@@ -111,12 +109,12 @@ def run_campbell(options: argparse.Namespace) -> None:
             f"  critical speed {one.speed:.5g} rad/s ({one.speed * 30 / np.pi:.5g} rpm): "
             f"{_words(diagram, one)}"
         )
-    growing = np.flatnonzero(diagram.growth > 1e-9 * np.nanmax(diagram.omega))
-    if len(growing):
-        i = growing[0]
+    if diagram.unstable is not None:
+        worst = int(np.argmax(diagram.growth))
+        most, seconds = diagram.speeds[worst], 1 / diagram.growth[worst]
         say(
-            f"  unstable: at {diagram.speeds[i]:.5g} rad/s a motion grows by e in "
-            f"{1 / diagram.growth[i]:.3g} s"
+            f"  unstable from {diagram.unstable:.5g} rad/s on; at {most:.5g} rad/s a motion grows "
+            f"by e in {seconds:.3g} s"
         )
     if not options.output:
         return

@@ -114,7 +114,7 @@ READ = {
         "MPC",
         "MPCADD",
     ),
-    *("PDAMP", "DMI", "SPOINT"),
+    *("PDAMP", "DMI", "SPOINT", "BAROR", "BEAMOR"),
     *("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S", "SPC", "SPC1", "SPCADD"),
     *("CTETRA", "CHEXA", "CPENTA", "CPYRAM", *SHELLS, *BEAMS, *RODS, *SPRINGS),
 }
@@ -179,6 +179,7 @@ def _set_systems(path: Path, model: Any, said: dict[int, tuple[bool, bool]]) -> 
             node.cp = defaults.cp
         if defaults.cd and not says_cd:
             node.cd = defaults.cd
+    defaults.cp = defaults.cd = 0  # else pyNastran takes a 0 of a grid for a blank
 
 
 def _heat_of_elements(paths: Iterable[Path]) -> list[tuple[str, int]]:

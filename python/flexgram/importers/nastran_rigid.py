@@ -125,11 +125,18 @@ class RigidElements:
                 self.elements.take_alone([reference])  # held in what the others do not move
         if reference in self.elements.used:
             self.equations.average(number, element, nodes, weights, averaged)
-            if reference in self.elements.alone:
+            if reference not in self.elements.alone:
+                return
+            if set(str(element.refc)) >= set("123456"):
                 self.interfaces[f"rbe3_{number}"] = {
                     "coupling": "node",
                     "nodes": [self.deck.at(reference) + 1],
                 }
+            else:
+                self.deck.remark(
+                    f"rbe3_{number} moves its grid {reference} in {element.refc} only: it is no "
+                    "interface"
+                )
             return
         self.interfaces[f"rbe3_{number}"] = {
             "coupling": "distributing",

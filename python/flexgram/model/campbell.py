@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 import scipy.optimize
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, Bools, ComplexArray, Floats, Ints
+from flexgram.basics import BodyError, ComplexArray, Floats, Ints
 from flexgram.body.varying_laws import SPEED, Coriolis, Spin
 from flexgram.model.system import System
 
@@ -45,7 +45,7 @@ class Campbell:
         [rad/s], ascending.
     omega : (s, k) array
         Natural frequencies [rad/s]: the imaginary parts of poles. A column follows one mode; NaN
-        where it does not vibrate.
+        where it does not vibrate (damped beyond ``1 - VIBRATES²/2``, or a motion that grows).
     damping : (s, k) array
         Damping ratios, ``-Re p/|p|`` of a pole p; negative where a motion grows.
     whirl : (s, k) array
@@ -54,8 +54,11 @@ class Campbell:
     growth : (s,) array
         [1/s] the largest real part of all poles, those without a frequency too: a motion grows
         where it is positive.
-    passed : (s - 1, k) array of bool
-        Whether a mode went through 0 Hz between two speeds.
+    singular : tuple of (int, float)
+        Speeds [rad/s] at which the stiffness is singular, so that a motion is at 0 Hz, whatever its
+        damping, and the column that is nearest to 0 Hz there.
+    unstable : float or None
+        [rad/s] the least speed from which on a motion grows.
     turning : bool
         The frequencies are those seen in the frame that turns with the body; else in the frame at
         rest.
@@ -66,44 +69,56 @@ class Campbell:
     damping: Floats
     whirl: Floats
     growth: Floats
-    passed: Bools
+    singular: tuple[tuple[int, float], ...]
+    unstable: float | None
     turning: bool
 
     def critical(self, orders: Sequence[float] = (1.0,)) -> list[CriticalSpeed]:
         """Speeds at which a natural frequency is ``order`` times the speed, between those of the
-        diagram by lines; ascending.
+        diagram by lines (of order 0 exactly: ``singular``); ascending.
 
         In the frame at rest an unbalance has order 1. In the frame that turns it has order 0, and
         a load that keeps its direction in space has order 1.
         """
         found = []
         for order in orders:
+            if not order:
+                found += [CriticalSpeed(mode, 0.0, speed) for mode, speed in self.singular]
+                continue
             for k, omega in enumerate(self.omega.T):
-                if not order:
-                    found += [CriticalSpeed(k, 0.0, x) for x in self._through_zero(k)]
-                    continue
                 gap = omega - order * self.speeds
                 for i in np.flatnonzero((gap[:-1] != 0) & (gap[:-1] * gap[1:] <= 0)):
-                    speed = self._between(i, gap[i] / (gap[i] - gap[i + 1]))
-                    found.append(CriticalSpeed(k, order, speed))
+                    share = gap[i] / (gap[i] - gap[i + 1])
+                    speed = self.speeds[i] + share * (self.speeds[i + 1] - self.speeds[i])
+                    found.append(CriticalSpeed(k, order, float(speed)))
         return sorted(found, key=lambda one: one.speed)
 
-    def _between(self, i: int, share: float) -> float:
-        return float(self.speeds[i] + share * (self.speeds[i + 1] - self.speeds[i]))
+    def of_modes(self, columns: ArrayLike) -> Campbell:
+        """The diagram of some of its columns.
 
-    def _through_zero(self, k: int) -> list[float]:
-        """Where a mode comes out on the other side, and where it ceases to vibrate: there ω² goes
-        to zero like a line."""
-        omega, found = self.omega[:, k], []
-        for i in range(len(omega) - 1):
-            if self.passed[i, k]:
-                found.append(self._between(i, omega[i] / (omega[i] + omega[i + 1])))
-            elif i > 0 and np.isnan(omega[i + 1]) and omega[i] < omega[i - 1]:
-                step = self.speeds[i] - self.speeds[i - 1]
-                ahead = step * omega[i] ** 2 / (omega[i - 1] ** 2 - omega[i] ** 2)
-                if ahead <= 2 * (self.speeds[i + 1] - self.speeds[i]):
-                    found.append(float(self.speeds[i] + ahead))
-        return found
+        Examples
+        --------
+        >>> lowest = diagram.of_modes([0, 1])  # doctest: +SKIP
+        """
+        kept = np.asarray(columns, dtype=int)
+        omega = self.omega[:, kept]
+        return replace(
+            self,
+            omega=omega,
+            damping=self.damping[:, kept],
+            whirl=self.whirl[:, kept],
+            singular=tuple(
+                (_nearest_zero(omega, self.speeds, speed), speed) for _, speed in self.singular
+            ),
+        )
+
+
+def _nearest_zero(omega: Floats, speeds: Floats, speed: float) -> int:
+    """The column with the least frequency beside a speed, or if none vibrates there anywhere."""
+    beside = np.clip(np.searchsorted(speeds, speed) + np.array([-2, -1, 0, 1]), 0, len(speeds) - 1)
+    least = np.where(np.isnan(omega), np.inf, omega)
+    near = least[beside].min(axis=0, initial=np.inf)
+    return int(np.argmin(near if np.isfinite(near).any() else least.min(axis=0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +129,11 @@ class _Poles:
     shape: ComplexArray  # (m, k), of unit modal mass
     whirl: Floats
     growth: float  # of all poles
+
+
+#: A pole whose imaginary part is a smaller share of its size is real but for rounding, or as good
+#: as: such a motion does not vibrate.
+VIBRATES = 1e-6
 
 
 def _poles_at(system: System, speed: float, gyroscopic: Floats, sign: float) -> _Poles:
@@ -131,7 +151,8 @@ def _poles_at(system: System, speed: float, gyroscopic: Floats, sign: float) -> 
     )
     finite = np.isfinite(poles)
     largest = np.abs(poles[finite]).max(initial=0)
-    kept = np.flatnonzero(finite & (np.where(finite, poles.imag, 0) > 1e-9 * largest))
+    least = np.maximum(1e-9 * largest, VIBRATES * np.abs(np.where(finite, poles, 0)))
+    kept = np.flatnonzero(finite & (np.where(finite, poles.imag, 0) > least))
     kept = kept[np.argsort(poles[kept].imag, kind="stable")]
     shape = vectors[:m, kept]
     shape /= np.sqrt(np.einsum("ik,ij,jk->k", shape.conj(), now.M, shape).real)
@@ -195,7 +216,7 @@ def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None 
     # Gyroscopic moments in the frame at rest have the other sign for the same sense.
     sign = 1.0 if turning else -1.0
     at = [_poles_at(system, float(speed), gyroscopic, sign) for speed in given]
-    rows, passed = _followed(system.M, given, at)
+    rows = _followed(system.M, given, at)
     columns = np.arange(rows.shape[1])
     if modes is not None:
         first = np.array([a.pole.imag[row] if row >= 0 else np.inf for a, row in _firsts(at, rows)])
@@ -208,15 +229,64 @@ def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None 
             values[i, row >= 0] = of(a)[row[row >= 0]]
         return values
 
+    omega = table(lambda a: a.pole.imag)
+    growth = np.array([a.growth for a in at])
+
+    def grows(speed: float) -> float:
+        return _poles_at(system, speed, gyroscopic, sign).growth - negligible
+
+    negligible = 1e-9 * float(np.nanmax(omega, initial=0.0))
+    unstable = None
+    if len(growing := np.flatnonzero(growth > negligible)):
+        i = int(growing[0])
+        unstable = float(given[i])
+        if i > 0:
+            ends = float(given[i - 1]), unstable
+            unstable = float(scipy.optimize.brentq(grows, *ends, xtol=1e-7 * given[-1]))
     return Campbell(
         given,
-        table(lambda a: a.pole.imag),
+        omega,
         table(lambda a: -a.pole.real / np.abs(a.pole)),
         table(lambda a: a.whirl),
-        np.array([a.growth for a in at]),
-        passed[:, columns],
+        growth,
+        tuple((_nearest_zero(omega, given, x), x) for x in _singular(system, given)),
+        unstable,
         turning,
     )
+
+
+def _static(system: System, speed: float) -> Floats:
+    """The stiffness at a speed, without losses, over M; (m, m)."""
+    stiffness = system.at({SPEED: speed}).in_time().complex_stiffness(0.0).real
+    L = np.linalg.cholesky(system.M)
+    half = scipy.linalg.solve_triangular(L, stiffness, lower=True)
+    whole: Floats = scipy.linalg.solve_triangular(L, half.T, lower=True).T
+    return whole
+
+
+def _singular(system: System, speeds: Floats) -> list[float]:
+    """Speeds at which an eigenvalue of the stiffness changes its sign: there it has a null vector,
+    and a pole is zero with any D."""
+
+    def eigenvalues(speed: float) -> Floats:
+        stiffness = _static(system, speed)
+        if np.abs(stiffness - stiffness.T).max() <= 1e-9 * np.abs(stiffness).max():
+            return np.linalg.eigvalsh(stiffness)
+        sign, size = np.linalg.slogdet(stiffness)  # circulatory: the determinant alone
+        return np.array([sign * np.exp(size / len(stiffness))])
+
+    at = np.array([eigenvalues(float(speed)) for speed in speeds])
+    signs = np.where(np.abs(at) > 1e-12 * np.abs(at).max(), np.sign(at), 0)
+    found: list[float] = []
+    for k, own in enumerate(signs.T):
+        told = np.flatnonzero(own)  # zeros: rigid motions, and a speed that meets one exactly
+        for i, j in itertools.pairwise(told):
+            if own[i] != own[j]:
+                ends = float(speeds[i]), float(speeds[j])
+                found.append(scipy.optimize.brentq(lambda x, k=k: eigenvalues(x)[k], *ends))
+    apart = 1e-6 * float(np.abs(speeds).max())  # two eigenvalues of a body with equal stiffness
+    found.sort()
+    return [x for n, x in enumerate(found) if n == 0 or x - found[n - 1] > apart]
 
 
 def _firsts(at: Sequence[_Poles], rows: Ints) -> list[tuple[_Poles, int]]:
@@ -228,14 +298,12 @@ def _firsts(at: Sequence[_Poles], rows: Ints) -> list[tuple[_Poles, int]]:
     return found
 
 
-def _followed(M: Floats, speeds: Floats, at: Sequence[_Poles]) -> tuple[Ints, Bools]:
-    """The place of each mode among the poles of each speed, (s, k), -1 where it does not vibrate,
-    and whether it went through 0 Hz since the one before: those of most alike shapes and
-    frequencies."""
+def _followed(M: Floats, speeds: Floats, at: Sequence[_Poles]) -> Ints:
+    """The place of each mode among the poles of each speed, (s, k), -1 where it does not vibrate:
+    those of most alike shapes and frequencies, on the other side of 0 Hz too."""
     count = max(len(a.pole) for a in at)
     rows = np.full((len(at), count), -1)
     rows[0, : len(at[0].pole)] = np.arange(len(at[0].pole))
-    passed = np.zeros((len(at) - 1, count), dtype=bool)
     for i, (before, after) in enumerate(itertools.pairwise(at)):
         known = np.flatnonzero(rows[i] >= 0)
         shape = before.shape[:, rows[i, known]]
@@ -246,7 +314,6 @@ def _followed(M: Floats, speeds: Floats, at: Sequence[_Poles]) -> tuple[Ints, Bo
             costs.append(step / np.maximum(np.maximum(first, then), turned) - alike)
         mode, place = scipy.optimize.linear_sum_assignment(np.minimum(*costs))
         rows[i + 1, known[mode]] = place
-        passed[i, known[mode]] = (costs[1] < costs[0])[mode, place]
         others = np.setdiff1d(np.arange(len(after.pole)), place)
         rows[i + 1, np.flatnonzero(rows[i + 1] < 0)[: len(others)]] = others
-    return rows, passed
+    return rows
