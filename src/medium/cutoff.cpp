@@ -7,6 +7,7 @@
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 #include "medium/checkpoint.hpp"
+#include "model/checks.hpp"
 #include "model/rigid_body_modes.hpp"
 
 #include <algorithm>
@@ -69,15 +70,6 @@ std::vector<double> mass_shares(const SecondOrderModel& fom, const Block& respon
   return eigen.values;
 }
 
-/// Pivots without size twice, at different shifts, are no eigenvalues.
-void refuse_shared_null_vectors(int null) {
-  throw Error(
-      text("K and M share %d null vector%s: the body has a mechanism without mass "
-           "and stiffness (an unconnected node, a massless hinge, a rigid set of nodes "
-           "on a line)",
-           null, null == 1 ? "" : "s"));
-}
-
 } // namespace
 
 Cutoff choose_cutoff(const CertifyRun& run, const PortLoads& ports, const Block& balanced,
@@ -94,7 +86,8 @@ Cutoff choose_cutoff(const CertifyRun& run, const PortLoads& ports, const Block&
       omega *= std::min(3.0, 1.1 * std::sqrt((modes_wanted + 2.0) / std::max(below, 1)));
       continue;
     }
-    if (null > 0 && last_null > 0) refuse_shared_null_vectors(null);
+    if (null > 0 && last_null > 0) // no eigenvalues: they are there at two shifts
+      throw Error(words_of_shared_null_vectors(null));
     last_null = null;
     if (null == 0) try {
         // M + κK is positive wherever K + τM is.

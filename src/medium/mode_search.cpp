@@ -22,8 +22,10 @@ SymmetricEigen modes_of_basis(const Dense& M, const Dense& E, double tau) {
   try {
     return symmetric_eigen(M, E);
   } catch (const IndefiniteError&) {
-    throw Error(text("K has an eigenvalue below %.3g rad²/s² (of the pencil K, M): %s",
-                     -tau, semidefinite));
+    throw Error(
+        text("K has an eigenvalue below %.3g rad²/s² (of the pencil K, M), or its "
+             "stiffnesses are too far apart for doubles: %s",
+             -tau, semidefinite));
   }
 }
 

@@ -149,11 +149,7 @@ void check_semidefinite(Mat a, const char* name, const char* consequence,
 void check_mechanism(ShiftedSolver& solver, double scale) {
   solver.factorise({1.0, 1e-6 * scale});
   if (solver.null_pivots() > 0)
-    throw Error(
-        text("K and M share %d null vector%s: the body has a mechanism without mass "
-             "and stiffness (an unconnected node, a massless hinge, a rigid set of nodes "
-             "on a line)",
-             solver.null_pivots(), solver.null_pivots() == 1 ? "" : "s"));
+    throw Error(words_of_shared_null_vectors(solver.null_pivots()));
   if (solver.negative_pivots() > 0)
     throw Error(text("K has %d negative eigenvalue%s: it must be positive semidefinite "
                      "(a buckled state, or K and M swapped?) unless D has a skew part, "
@@ -223,6 +219,15 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffne
   check_mechanism(solver, scale);
   facts.rigid_modes = count_below(solver, rigid_threshold(model));
   return facts;
+}
+
+std::string words_of_shared_null_vectors(int count) {
+  return text(
+      "K and M share %d null vector%s: the body has a mechanism without mass and "
+      "stiffness (an unconnected node, a massless hinge, a rigid set of nodes on a line, "
+      "hourglasses of elements of reduced integration where a part is one such element "
+      "thick: C3D20 instead of C3D20R)",
+      count, count == 1 ? "" : "s");
 }
 
 } // namespace flexgram

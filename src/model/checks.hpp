@@ -25,4 +25,7 @@ struct BodyFacts {
 BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffness,
                      const SolverOptions& options, Observer& observer);
 
+/// That K and M share so many null vectors, and why they may.
+std::string words_of_shared_null_vectors(int count);
+
 } // namespace flexgram

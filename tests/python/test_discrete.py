@@ -314,3 +314,12 @@ def test_all_of_a_mesh_of_lines(tmp_path: Path) -> None:
     }
     alone = import_description(content, "beam", tmp_path / "alone.h5", mesh=mesh)
     assert alone["elements"] == grouped["elements"] == 8
+
+
+def test_a_mass_that_differs_by_direction_is_told_so(tmp_path: Path) -> None:
+    facts = beam(tmp_path / "b.h5", masses={"sled": {"at": "tip", "matrix": [10.0, 0.0, 0.0]}})
+    own = 0.02 * 0.03 * 7850.0
+    said = next(line for line in facts["summary"] if line.startswith("mass along"))
+    assert said.startswith(f"mass along x, y, z {own + 10:.6g}, {own:.6g}, {own:.6g} kg; of their")
+    plain = beam(tmp_path / "p.h5")
+    assert any(line.startswith(f"mass {own:.6g} kg, centre") for line in plain["summary"])

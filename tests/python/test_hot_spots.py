@@ -64,3 +64,27 @@ def test_hot_spots(tmp_path: Path) -> None:
     rom.inputs[-1] = "gas.T"
     with pytest.raises(BodyError, match="temperatures have no hot spots"):
         hot_spots(rom, inputs=["gas.T"])
+
+
+def test_gravity_strains_no_free_body(tmp_path: Path) -> None:
+    """What rounding leaves of such a load is no hot spot."""
+    body, rom_file = tmp_path / "body.h5", tmp_path / "rom.h5"
+    loads = {"g": {"type": "acceleration"}}
+    mesh = sided("tetra10", counts=(8, 3, 3))
+    write_body(body, mesh, damping={"beta": 1e-6}, outputs={}, loads=loads)
+    run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "500,8000",
+        "-mor_tol",
+        "1e-2",
+        "-mor_out",
+        rom_file,
+    )
+    rom = ReducedModel.load(rom_file)
+    assert "g.ax" in rom.inputs and rom.frame.rigid_modes == 6
+    assert not {spot.input for spot in hot_spots(rom, 20, apart=0.0)} & {"g.ax", "g.ay", "g.az"}
+    with pytest.raises(BodyError, match="move the free body as a whole, and strain nothing"):
+        hot_spots(rom, 1, inputs=["g.ax"])

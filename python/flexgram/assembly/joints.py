@@ -273,8 +273,8 @@ def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
     )
     if not wanted:
         raise BodyError(
-            f"{words}: they have no direction in common ({', '.join(first)} and "
-            f"{', '.join(second)})"
+            f"{words}: they have no direction in common ({', '.join(first) or 'none'} and "
+            f"{', '.join(second) or 'none'})"
         )
     either = {d for d in "xyz" if d in first or d in second}
     if not joint.directions and not own and joint.second != GROUND and either - set(wanted):

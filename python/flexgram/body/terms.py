@@ -145,7 +145,7 @@ def split_stiffness(
     if imaginary.diagonal().sum() < 0:
         raise BodyError(
             f"{where} is complex, and its imaginary part is negative, as for motions exp(-iωt); "
-            "flexgram takes its conjugate"
+            "hand over its conjugate"
         )
     factor = float(imaginary.multiply(real).sum() / real.multiply(real).sum())
     if factor > 0 and abs(imaginary - factor * real).max() <= 1e-12 * largest:

@@ -171,13 +171,23 @@ def doubts_of_parts(
 
 @dataclass
 class MassFacts:
-    """Mass [kg], centre of mass [m] and inertia about it [kg m²], (3,) and (3, 3); solids that are
-    inverted or flat, in words."""
+    """Mass [kg], centre of mass [m] and inertia about it [kg m²], (3,) and (3, 3), of masses that
+    differ by direction with their mean; solids that are inverted or flat, in words; the mass along
+    x, y, z (3,)."""
 
     mass: float
     centre: Floats
     inertia: Floats
-    inverted: str = ""
+    inverted: str
+    along: Floats
+
+    @property
+    def words(self) -> str:
+        """The mass, and along each axis where that differs."""
+        if np.ptp(self.along) <= 1e-9 * np.abs(self.along).max():
+            return f"mass {self.mass:.6g} kg"
+        own = ", ".join(f"{x:.6g}" for x in self.along)
+        return f"mass along x, y, z {own} kg; of their mean, {self.mass:.6g} kg:"
 
 
 def _across(file: h5py.File, block: h5py.Group) -> tuple[float, float, float]:
@@ -242,12 +252,14 @@ def mass_facts(file: h5py.File) -> MassFacts:
             mass += float(w.sum())
             first += np.einsum("eq,eqb->b", w, place)
             second += np.einsum("eq,eqa,eqb->ab", w, place, place, optimize=True)
-    places = Places(file)
+    places, beside = Places(file), np.zeros(3)  # the mean mass
     for point in file.get("masses", {}).values():
         each = float(point.attrs["mass"])
         where = places.positions(point) + np.asarray(point.attrs.get("offset", np.zeros(3)))
         xx, yy, zz, xy, yz, zx = np.asarray(point.attrs["inertia"])
         inertia = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+        if "matrix" in point.attrs:
+            beside += len(where) * (np.reshape(point.attrs["matrix"], (6, 6)).diagonal()[:3] - each)
         mass += each * len(where)
         first += each * where.sum(axis=0)
         second += each * where.T @ where
@@ -255,7 +267,7 @@ def mass_facts(file: h5py.File) -> MassFacts:
     centre = first / mass if mass > 0 else first
     about = second - mass * np.outer(centre, centre)
     inertia = np.trace(about) * np.eye(3) - about
-    return MassFacts(mass, centre, inertia, _said_of_inverted(inverted, solids))
+    return MassFacts(mass, centre, inertia, _said_of_inverted(inverted, solids), mass + beside)
 
 
 def _said_of_inverted(inverted: list[tuple[str, int]], solids: int) -> str:
@@ -425,7 +437,8 @@ def summary(file: h5py.File, parts: int = 1) -> list[str]:
     inertia = words_of_inertia(facts.inertia)
     free = free_in(file)
     lines = [
-        f"mass {facts.mass:.6g} kg, centre ({at}) m, inertia about it {inertia}",
+        f"{facts.words}{'' if facts.words.endswith(':') else ','} centre ({at}) m, inertia about it "
+        f"{inertia}",
         f"{free} of 6 rigid motions are free"
         + (f" of the mesh as one body; it has {parts} parts that nothing joins" * (parts > 1)),
         *_said_of_supports(file),

@@ -130,7 +130,7 @@ def _in_words(error: BaseException) -> str:
     if "must be a" in said:  # a word in the place of a number
         return f"pyNastran cannot read it: {said[:300]}"
     reason = said[:300] or type(error).__name__
-    return f"pyNastran cannot read it ({reason}); is the file complete?"
+    return f"pyNastran cannot read it ({reason}): is the card right, and the file complete?"
 
 
 def _bulk_data(path: Path, punch: bool | None) -> Any:

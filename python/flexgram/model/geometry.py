@@ -222,8 +222,9 @@ def interface_motion(model: ReducedBody) -> dict[str, tuple[Floats, Floats]]:
             )
     lacking = [name for name in found if name not in result]
     if lacking:
+        where = f"the interface {lacking[0]}" if lacking[0] else "the body"
         raise BodyError(
-            f"the interface {lacking[0]} has the ports "
+            f"{where} has the ports "
             f"{', '.join(found[lacking[0]])} only; a multibody code needs all six, fx "
             "to mz: reduce with them (--inputs)"
         )

@@ -103,8 +103,10 @@ def hot_spots(
     >>> [spot.input for spot in spots]
     ['upper.fx', 'upper.fx']
     """
+    whole = model.system.B
     with contextlib.suppress(BodyError):  # dampers hold it
         model = without_rigid_modes(model)  # rigid motion strains nothing
+    strain = np.linalg.norm(model.system.B, axis=0) > 1e-9 * np.linalg.norm(whole, axis=0)
     warm = {
         model.inputs[k]
         for kind in ("temperature", "temperature gradient")
@@ -114,6 +116,11 @@ def hot_spots(
     for name in chosen:
         if name not in model.inputs:
             raise BodyError(f"there is no input {name}; there are {', '.join(model.inputs)}")
+    if not any(strain[model.inputs.index(name)] for name in chosen):
+        raise BodyError(
+            f"{', '.join(chosen[:6])}: these loads move the free body as a whole, and strain nothing"
+        )
+    chosen = [name for name in chosen if strain[model.inputs.index(name)]]
     if warm.intersection(chosen):
         raise BodyError(
             "temperatures have no hot spots: their stress is not that of the motion "
