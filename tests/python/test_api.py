@@ -363,7 +363,9 @@ def test_bands_flat_and_in_pairs() -> None:
     pairs = flexgram.reduce(matrices, [(10, 60), (90, 150)], 1e-3)
     assert np.allclose(flat.bands, 2 * np.pi * np.array([[10, 60], [90, 150]]))
     assert np.array_equal(flat.bands, pairs.bands) and flat.order == pairs.order
-    for wrong in ("10,60", [], [(10, 60), (90,)], [None, 3], 5):
+    single = flexgram.reduce(matrices, (60,), 1e-3)
+    assert np.allclose(single.bands, 2 * np.pi * 60) and single.met
+    for wrong in ("10,60", [], [(10, 60), (90,)], [None, 3], (1, 2, 3), 5):
         with pytest.raises(flexgram.BodyError, match="band_hz must be first and last"):
             flexgram.reduce(matrices, wrong, 1e-3)  # type: ignore[arg-type]
 

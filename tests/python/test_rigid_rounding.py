@@ -1,4 +1,4 @@
-"""Free bodies at frequencies so low that rounding of K shows: rigid modes count as exactly rigid."""
+"""Free bodies at such low frequencies that rounding of K shows: rigid modes count as rigid."""
 
 from __future__ import annotations
 

@@ -183,11 +183,13 @@ class MassFacts:
 
     @property
     def words(self) -> str:
-        """The mass, and along each axis where that differs."""
+        """Mass, along each axis where that differs, centre and inertia."""
+        at = ", ".join(f"{x:.6g}" for x in self.centre)
+        rest = f"centre ({at}) m, inertia about it {words_of_inertia(self.inertia)}"
         if np.ptp(self.along) <= 1e-9 * np.abs(self.along).max():
-            return f"mass {self.mass:.6g} kg"
+            return f"mass {self.mass:.6g} kg, {rest}"
         own = ", ".join(f"{x:.6g}" for x in self.along)
-        return f"mass along x, y, z {own} kg; of their mean, {self.mass:.6g} kg:"
+        return f"mass along x, y, z {own} kg; of their mean, {self.mass:.6g} kg: {rest}"
 
 
 def _across(file: h5py.File, block: h5py.Group) -> tuple[float, float, float]:
@@ -433,12 +435,9 @@ def summary(file: h5py.File, parts: int = 1) -> list[str]:
     facts = mass_facts(file)
     if facts.inverted:
         raise BodyError(facts.inverted)
-    at = ", ".join(f"{x:.6g}" for x in facts.centre)
-    inertia = words_of_inertia(facts.inertia)
     free = free_in(file)
     lines = [
-        f"{facts.words}{'' if facts.words.endswith(':') else ','} centre ({at}) m, inertia about it "
-        f"{inertia}",
+        facts.words,
         f"{free} of 6 rigid motions are free"
         + (f" of the mesh as one body; it has {parts} parts that nothing joins" * (parts > 1)),
         *_said_of_supports(file),

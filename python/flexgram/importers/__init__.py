@@ -82,6 +82,11 @@ def guess_format(path: Path) -> str:
     if suffix not in known:
         raise BodyError(
             f"{path}: the format is not told by the name; --format is one of {', '.join(FORMATS)}"
+            + (
+                "; of NumPy and SciPy: flexgram.write_matrices"
+                if suffix in (".npz", ".npy")
+                else ""
+            )
         )
     return known[suffix]
 

@@ -269,13 +269,15 @@ def option_values(
         For a keyword argument that is no option.
     """
     try:
-        ends = None if band_hz is None else np.asarray(band_hz, dtype=float).ravel()
+        ends = None if band_hz is None else np.array(list(band_hz), dtype=float).ravel()
     except (TypeError, ValueError):
         ends = np.empty(0)
-    if ends is not None and (not len(ends) or len(ends) % 2 or not np.all(np.isfinite(ends))):
+    if ends is not None and (
+        not len(ends) or (len(ends) % 2 and len(ends) > 1) or not np.all(np.isfinite(ends))
+    ):
         raise BodyError(
-            f"band_hz must be first and last frequency, (10, 500), or pairs of them, "
-            f"not {band_hz!r}"
+            f"band_hz must be first and last frequency, (10, 500), or pairs of them, or one "
+            f"frequency, (50,), not {band_hz!r}"
         )
     try:
         tol = None if tol is None else float(tol)

@@ -38,7 +38,7 @@ def reduce(
     body : str, Path or Matrices
         Body file (matrices or a mesh, see ``flexgram.import_body``), or matrices in memory.
     band_hz : sequence of float, or of pairs
-        First and last frequency [Hz]; several bands as (10, 100, 200, 300) or in pairs.
+        First and last frequency [Hz], or one, (50,); several as (10, 100, 200, 300) or in pairs.
     tol : float, optional
         Largest relative error of H over the band (eq. 17), and of its elastic part if the body is
         free (``mor_tol_relative_to``). The smallest certified order that meets it is taken. Without

@@ -118,7 +118,8 @@ def hot_spots(
             raise BodyError(f"there is no input {name}; there are {', '.join(model.inputs)}")
     if not any(strain[model.inputs.index(name)] for name in chosen):
         raise BodyError(
-            f"{', '.join(chosen[:6])}: these loads move the free body as a whole, and strain nothing"
+            f"{', '.join(chosen[:6])}: these loads move the free body as a whole, and strain "
+            "nothing"
         )
     chosen = [name for name in chosen if strain[model.inputs.index(name)]]
     if warm.intersection(chosen):
