@@ -253,8 +253,10 @@ void tell_rounding(const CutStory& cut, const ReducedModel& rom, Observer& obser
         text("the rigid modes count as exactly rigid: what K holds of their stiffness "
              "is at the level of its rounding (change of H if it were real: %.0e)",
              change));
+    constexpr double noticeable = 1e-3;
     const OrderSpec& order = cut.request.order;
-    if (change > std::max(order.tolerance ? order.smallest() : 0.0, cut.sup.worst))
+    if (change >
+        std::max({noticeable, cut.sup.worst, order.tolerance ? order.smallest() : 0.0}))
       observer.warn(text("rounding of K holds the rigid modes a little; they count as "
                          "exactly rigid. If the "
                          "stored numbers were meant, H would differ by up to %.1e at the "

@@ -48,13 +48,15 @@ Lowered lowered(const DenseSystem& system, const Softening& softening,
   std::vector<Law> parameters;
   for (const auto& [law, T] : system.terms) {
     if (!law.varies()) {
-      all_vary = all_vary && !law.is_skew();
+      all_vary = all_vary && (!law.is_skew() || law.is_semidefinite());
       continue;
     }
     const Interval& values = region.values[place_among(parameters, law)];
     const auto share = [&](double value) { return law.shares({value, value}).front(); };
-    if (law.is_skew()) of_speed = std::max(of_speed, share(values.last));
-    if (!law.is_skew() && !law.is_semidefinite())
+    if (law.is_semidefinite()) continue;
+    if (law.is_skew())
+      of_speed = std::max(of_speed, share(values.last));
+    else
       moved = std::max(moved, share(values.last) - share(values.first));
   }
   if (!all_vary) of_speed = 1;

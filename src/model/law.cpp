@@ -66,6 +66,10 @@ std::vector<std::string> numbers_of_law(const std::string& kind) {
   return names;
 }
 
+bool Law::is_circulatory() const {
+  return kind_name_ == "circulatory" || factor_of(kind_name_) == "circulatory";
+}
+
 bool Law::is_product() const { return !factor_of(kind_name_).empty(); }
 
 double LawSeries::beyond_linear() const {

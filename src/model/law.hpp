@@ -114,8 +114,8 @@ public:
   Symmetry symmetry() const { return is_skew() ? Symmetry::skew : Symmetry::symmetric; }
   /// Whether g is iω times a number, `as_damper`.
   bool is_of_rates() const { return kind_->is_of_rates(); }
-  /// Whether T is a skew stiffness, g = 1.
-  bool is_circulatory() const { return kind_name_ == "circulatory"; }
+  /// Whether T is a skew stiffness, g = 1 or a parameter.
+  bool is_circulatory() const;
   /// Whether the equations of motion in time have it as it is: poles are eigenvalues.
   bool is_linear() const { return is_of_rates() || is_circulatory(); }
   /// The parameter that g depends on; empty: none.

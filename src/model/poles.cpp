@@ -20,7 +20,7 @@ Dense DenseResponse::companion() const {
     if (law.is_of_rates()) add_to(damping, terms_[t], law.as_damper(1));
     if (!law.is_circulatory()) continue;
     if (circulatory.data.empty()) circulatory = Dense(N, N);
-    add_to(circulatory, terms_[t]);
+    add_to(circulatory, terms_[t], law.at(0).real());
   }
   for (int i = 0; i < N; ++i) {
     const double m = mu_[as_size(i)];

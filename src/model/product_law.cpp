@@ -29,6 +29,8 @@ public:
   }
   std::vector<double> breaks() const override { return factor_->breaks(); }
   bool is_of_rates() const override { return factor_->is_of_rates(); }
+  bool is_skew() const override { return factor_->is_skew(); }
+  bool is_semidefinite() const override { return factor_->is_semidefinite(); }
   std::string parameter(const std::string& term) const override {
     return term.substr(0, term.find(':'));
   }
@@ -59,10 +61,10 @@ const std::vector<std::string>& numbers_of_products() {
 
 std::unique_ptr<LawKind> product_of(std::unique_ptr<LawKind> factor,
                                     const std::string& kind, const LawNumbers& numbers) {
-  if (!factor->parameter("any").empty() || factor->is_skew())
+  if (!factor->parameter("any").empty() || !factor->is_semidefinite())
     throw Error(
         text("law %s: a parameter multiplies laws of dampers, loss factors, Prony "
-             "terms and tables",
+             "terms, tables and circulatory forces",
              kind.c_str()));
   const auto of = [&](const char* name) { return numbers.at(name).front(); };
   if (!(of("least") >= 0) || !(of("least") < of("most")) ||

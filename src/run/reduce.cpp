@@ -81,11 +81,10 @@ std::vector<ParameterValues> values_to_claim(const SecondOrderModel& body,
   const bool is_damped =
       body.damping.alpha > 0 || body.damping.beta > 0 || body.damping.eta > 0 ||
       std::any_of(body.terms.begin(), body.terms.end(), [](const auto& term) {
+        if (term.law.is_skew()) return false;
         if (term.law.is_product()) return term.law.number("least") > 0;
-        return term.law.is_parameter()
-                   ? term.law.number("loss") > 0
-                   : !term.law.varies() && term.law.is_semidefinite() &&
-                         !term.law.is_skew();
+        return term.law.is_parameter() ? term.law.number("loss") > 0
+                                       : !term.law.varies() && term.law.is_semidefinite();
       });
   if (!is_damped)
     throw Error("a body with parameters needs some damping for a claim: its resonances "

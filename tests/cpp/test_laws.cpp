@@ -206,7 +206,7 @@ TEST(Law, RefusesNumbersThatMakeNone) {
   EXPECT_NE(refusal("table", {{"omega", {2, 1}}, {"storage", {0, 1}}, {"loss", {0, 0}}})
                 .find("rise"),
             std::string::npos);
-  EXPECT_NE(refusal("parameter*circulatory", product()).find("multiplies"),
+  EXPECT_NE(refusal("parameter*gyroscopic", product()).find("multiplies"),
             std::string::npos);
   EXPECT_NE(refusal("parameter*parameter", product(between)).find("multiplies"),
             std::string::npos);

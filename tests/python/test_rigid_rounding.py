@@ -22,7 +22,7 @@ def chain() -> sp.csr_matrix:
     return (D.T @ sp.diags(own) @ D).tocsr()
 
 
-@pytest.mark.parametrize(("first", "warned"), [(0.01, True), (50.0, False)])
+@pytest.mark.parametrize(("first", "warned"), [(0.001, True), (50.0, False)])
 def test_what_rounding_would_change_is_told(first: float, warned: bool) -> None:
     B = np.zeros((N, 2))
     B[0, 0] = B[-1, 1] = 1.0

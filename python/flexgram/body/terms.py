@@ -178,7 +178,8 @@ def with_terms(
         elif isinstance(law, Loss):
             S = law.eta * matrix if S is None else S + law.eta * matrix
         else:
-            if isinstance(law, (Parameter, Product)) and law.parameter(name) == SPEED:
+            of_speed = isinstance(law, (Parameter, Product)) and law.parameter(name) == SPEED
+            if of_speed and not (isinstance(law, Product) and isinstance(law.factor, Circulatory)):
                 raise BodyError(f"term {name}: that is the parameter of bodies that spin")
             others.append(Term(check_name("term", str(name)), law, matrix))
     return D, S, others

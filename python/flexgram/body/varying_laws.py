@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats
-from flexgram.body.laws import Law, Loss, Prony, Table, Viscous
+from flexgram.body.laws import Circulatory, Law, Loss, Prony, Table, Viscous
 
 #: The parameter of bodies that spin, [rad/s].
 SPEED = "speed"
@@ -154,7 +154,7 @@ class Product(Varying):
     slope : float
         One over the unit of p, of what T is at one.
     factor : Law
-        g: ``Viscous``, ``Loss`` of 1, ``Prony`` or ``Table``.
+        g: ``Viscous``, ``Loss`` of 1, ``Prony``, ``Table`` or ``Circulatory``.
     """
 
     factor: Law
@@ -236,14 +236,17 @@ def product(range: Parameter, law: Law) -> Product:
     A term with it is named NAME, or NAME:WORD where p is the parameter NAME of another term too.
     With g of dampers p is a damping, with ``loss(1)`` a loss factor. A viscoelastic material whose
     long-term modulus is a parameter has two terms of one matrix, the stiffness at a modulus of one:
-    ``parameter``, and ``product`` of this with ``prony``.
+    ``parameter``, and ``product`` of this with ``prony``. Dampers at rest that a frame at the speed
+    Ω sees have the term ``speed:NAME`` with ``product(parameter(least, most), circulatory())``: its
+    T is the damping matrix times the turn of a unit speed (docs/rotors.md).
 
     Parameters
     ----------
     range : Parameter
         With the numbers of p, not negative, and the slope. Its loss must be zero.
     law : Law
-        g: ``viscous()``, ``loss(eta)``, ``prony(g, tau)`` or ``table(omega, storage, loss)``.
+        g: ``viscous()``, ``loss(eta)``, ``prony(g, tau)``, ``table(omega, storage, loss)`` or
+        ``circulatory()``.
 
     Raises
     ------
@@ -258,10 +261,10 @@ def product(range: Parameter, law: Law) -> Product:
     >>> flexgram.product(flexgram.parameter(100, 300, 200), flexgram.viscous()).at(1.0)
     200j
     """
-    if not isinstance(law, (Viscous, Loss, Prony, Table)):
+    if not isinstance(law, (Viscous, Loss, Prony, Table, Circulatory)):
         raise BodyError(
-            "product: a parameter multiplies viscous(), loss(eta), prony(g, tau) or table(omega, "
-            "storage, loss)"
+            "product: a parameter multiplies viscous(), loss(eta), prony(g, tau), table(omega, "
+            "storage, loss) or circulatory()"
         )
     if range.least < 0 or range.loss:
         raise BodyError(

@@ -186,7 +186,7 @@ def export(model: ReducedBody, path: str | Path, format: str, **options: Any) ->
         body = model.provenance.body
         beside = [model.path.parent / body, Path(body)] if body else []
         expect_kept(target, model.path, options.get("body"), *beside)
-    circulates = any(isinstance(term.law, Circulatory) for term in model.system.terms)
+    circulates = any(isinstance(term.law, Circulatory) for term in model.system.at().terms)
     if circulates and format not in WITH_CIRCULATION:
         raise BodyError(
             f"export to {format}: it has no place for circulatory forces (a stiffness that is not "

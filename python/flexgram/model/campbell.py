@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.optimize
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, ComplexArray, Floats, Ints
+from flexgram.basics import BodyError, Bools, ComplexArray, Floats, Ints
 from flexgram.body.varying_laws import SPEED, Coriolis, Spin
 from flexgram.model.system import System
 
@@ -55,8 +55,9 @@ class Campbell:
         [1/s] the largest real part of all poles, those without a frequency too: a motion grows
         where it is positive.
     singular : tuple of (int, float)
-        Speeds [rad/s] at which the stiffness is singular, so that a motion is at 0 Hz, whatever its
-        damping, and the column that is nearest to 0 Hz there.
+        Of each speed [rad/s] at which a motion is at 0 Hz, the column that is nearest, and it:
+        where the stiffness is singular, whatever the damping; with circulatory forces where a mode
+        passes 0 Hz, between the speeds of the diagram by lines.
     unstable : float or None
         [rad/s] the least speed from which on a motion grows.
     turning : bool
@@ -75,7 +76,7 @@ class Campbell:
 
     def critical(self, orders: Sequence[float] = (1.0,)) -> list[CriticalSpeed]:
         """Speeds at which a natural frequency is ``order`` times the speed, between those of the
-        diagram by lines (of order 0 exactly: ``singular``); ascending.
+        diagram by lines (of order 0 see ``singular``); ascending.
 
         In the frame at rest an unbalance has order 1. In the frame that turns it has order 0, and
         a load that keeps its direction in space has order 1.
@@ -216,7 +217,12 @@ def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None 
     # Gyroscopic moments in the frame at rest have the other sign for the same sense.
     sign = 1.0 if turning else -1.0
     at = [_poles_at(system, float(speed), gyroscopic, sign) for speed in given]
-    rows = _followed(system.M, given, at)
+    for i in _at_zero(at):
+        beside = given[i + 1] if i + 1 < len(given) else given[i - 1]
+        moved = float(given[i] + 1e-6 * (beside - given[i]))
+        near = _poles_at(system, moved, gyroscopic, sign)
+        at[i] = near if len(near.pole) > len(at[i].pole) else at[i]
+    rows, passed = _followed(system.M, given, at)
     columns = np.arange(rows.shape[1])
     if modes is not None:
         first = np.array([a.pole.imag[row] if row >= 0 else np.inf for a, row in _firsts(at, rows)])
@@ -230,17 +236,24 @@ def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None 
         return values
 
     omega = table(lambda a: a.pole.imag)
+    still = _singular(system, given)
+    if still is None:  # circulatory forces: by lines
+        still = []
+        for i, column in np.argwhere(passed):
+            own = [at[j].pole.imag[rows[j, column]] for j in (i, i + 1)]
+            still.append(float(given[i] + own[0] / sum(own) * (given[i + 1] - given[i])))
     growth = np.array([a.growth for a in at])
+
+    negligible = 1e-9 * float(np.nanmax(omega, initial=0.0))
 
     def grows(speed: float) -> float:
         return _poles_at(system, speed, gyroscopic, sign).growth - negligible
 
-    negligible = 1e-9 * float(np.nanmax(omega, initial=0.0))
     unstable = None
     if len(growing := np.flatnonzero(growth > negligible)):
         i = int(growing[0])
         unstable = float(given[i])
-        if i > 0:
+        if i > 0 and grows(given[i - 1]) < 0 < grows(unstable):
             ends = float(given[i - 1]), unstable
             unstable = float(scipy.optimize.brentq(grows, *ends, xtol=1e-7 * given[-1]))
     return Campbell(
@@ -249,7 +262,7 @@ def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None 
         table(lambda a: -a.pole.real / np.abs(a.pole)),
         table(lambda a: a.whirl),
         growth,
-        tuple((_nearest_zero(omega, given, x), x) for x in _singular(system, given)),
+        tuple((_nearest_zero(omega, given, x), x) for x in still),
         unstable,
         turning,
     )
@@ -264,18 +277,29 @@ def _static(system: System, speed: float) -> Floats:
     return whole
 
 
-def _singular(system: System, speeds: Floats) -> list[float]:
+def _at_zero(at: Sequence[_Poles]) -> list[int]:
+    """Speeds at which fewer modes vibrate than at those beside: one meets 0 Hz just there."""
+    count = [len(a.pole) for a in at]
+    beside = [
+        count[1],
+        *(min(count[i - 1], count[i + 1]) for i in range(1, len(at) - 1)),
+        count[-2],
+    ]
+    return [i for i in range(len(at)) if count[i] < beside[i]]
+
+
+def _singular(system: System, speeds: Floats) -> list[float] | None:
     """Speeds at which an eigenvalue of the stiffness changes its sign: there it has a null vector,
-    and a pole is zero with any D."""
+    and a pole is zero with any D. None of a stiffness that is not symmetric, where poles are not
+    zero."""
+    stiffness = [_static(system, float(speed)) for speed in speeds]
+    if any(np.abs(a - a.T).max() > 1e-9 * np.abs(a).max() for a in stiffness):
+        return None
 
     def eigenvalues(speed: float) -> Floats:
-        stiffness = _static(system, speed)
-        if np.abs(stiffness - stiffness.T).max() <= 1e-9 * np.abs(stiffness).max():
-            return np.linalg.eigvalsh(stiffness)
-        sign, size = np.linalg.slogdet(stiffness)  # circulatory: the determinant alone
-        return np.array([sign * np.exp(size / len(stiffness))])
+        return np.linalg.eigvalsh(_static(system, speed))
 
-    at = np.array([eigenvalues(float(speed)) for speed in speeds])
+    at = np.array([np.linalg.eigvalsh(a) for a in stiffness])
     signs = np.where(np.abs(at) > 1e-12 * np.abs(at).max(), np.sign(at), 0)
     found: list[float] = []
     for k, own in enumerate(signs.T):
@@ -298,12 +322,14 @@ def _firsts(at: Sequence[_Poles], rows: Ints) -> list[tuple[_Poles, int]]:
     return found
 
 
-def _followed(M: Floats, speeds: Floats, at: Sequence[_Poles]) -> Ints:
-    """The place of each mode among the poles of each speed, (s, k), -1 where it does not vibrate:
-    those of most alike shapes and frequencies, on the other side of 0 Hz too."""
+def _followed(M: Floats, speeds: Floats, at: Sequence[_Poles]) -> tuple[Ints, Bools]:
+    """The place of each mode among the poles of each speed, (s, k), -1 where it does not vibrate,
+    and whether it went through 0 Hz since the one before: those of most alike shapes and
+    frequencies."""
     count = max(len(a.pole) for a in at)
     rows = np.full((len(at), count), -1)
     rows[0, : len(at[0].pole)] = np.arange(len(at[0].pole))
+    passed = np.zeros((len(at) - 1, count), dtype=bool)
     for i, (before, after) in enumerate(itertools.pairwise(at)):
         known = np.flatnonzero(rows[i] >= 0)
         shape = before.shape[:, rows[i, known]]
@@ -314,6 +340,7 @@ def _followed(M: Floats, speeds: Floats, at: Sequence[_Poles]) -> Ints:
             costs.append(step / np.maximum(np.maximum(first, then), turned) - alike)
         mode, place = scipy.optimize.linear_sum_assignment(np.minimum(*costs))
         rows[i + 1, known[mode]] = place
+        passed[i, known[mode]] = (costs[1] < costs[0])[mode, place]
         others = np.setdiff1d(np.arange(len(after.pole)), place)
         rows[i + 1, np.flatnonzero(rows[i + 1] < 0)[: len(others)]] = others
-    return rows
+    return rows, passed
