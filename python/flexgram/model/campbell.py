@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Bools, ComplexArray, Floats, Ints
 from flexgram.body.varying_laws import SPEED, Coriolis, Spin
+from flexgram.model.modes import is_regular
 from flexgram.model.system import System
 
 
@@ -118,7 +119,9 @@ def _nearest_zero(omega: Floats, speeds: Floats, speed: float) -> int:
     """The column with the least frequency beside a speed, or if none vibrates there anywhere."""
     beside = np.clip(np.searchsorted(speeds, speed) + np.array([-2, -1, 0, 1]), 0, len(speeds) - 1)
     least = np.where(np.isnan(omega), np.inf, omega)
-    near = least[beside].min(axis=0, initial=np.inf)
+    if not omega.shape[1]:
+        return 0
+    near = least[beside].min(axis=0)
     return int(np.argmin(near if np.isfinite(near).any() else least.min(axis=0)))
 
 
@@ -269,8 +272,10 @@ def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None 
 
 
 def _static(system: System, speed: float) -> Floats:
-    """The stiffness at a speed, without losses, over M; (m, m)."""
-    stiffness = system.at({SPEED: speed}).in_time().complex_stiffness(0.0).real
+    """The stiffness at a speed, without losses, over M where that has an inverse; (m, m)."""
+    stiffness: Floats = system.at({SPEED: speed}).in_time().complex_stiffness(0.0).real
+    if not is_regular(system.M):
+        return stiffness  # the signs of its eigenvalues are the same
     L = np.linalg.cholesky(system.M)
     half = scipy.linalg.solve_triangular(L, stiffness, lower=True)
     whole: Floats = scipy.linalg.solve_triangular(L, half.T, lower=True).T
