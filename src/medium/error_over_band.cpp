@@ -242,8 +242,8 @@ bool ErrorOverBand::meets(const DenseSystem& system, double tolerance, Measure m
   return false;
 }
 
-std::optional<double> ErrorOverBand::weak_spot(double tolerance) {
-  return exceeds(nullptr, tolerance, Measure::model_error);
+std::optional<double> ErrorOverBand::weak_spot(double tolerance, const Tell& tell) {
+  return exceeds(nullptr, tolerance, Measure::model_error, tell);
 }
 
 /// Where in an interval the error of the medium model is about largest, by golden sections.
@@ -270,10 +270,11 @@ double ErrorOverBand::worst_between(Interval interval, double tolerance,
 }
 
 /// Calls visit(ω, node) where the error of the small model, or of the medium model itself, is not
-/// proved to be within the tolerance; in intervals that lie apart, while it returns true.
+/// proved to be within the tolerance; in intervals that lie apart, while it returns true. From the
+/// last frequency down.
 template <class Visit>
 void ErrorOverBand::where_it_fails(Small small, double tolerance, Measure measure,
-                                   const Visit& visit) {
+                                   const Visit& visit, const Tell& tell) {
   constexpr int most = 20000; // intervals; what is open then counts as it is
   std::vector<Node*> open;
   for (const auto& root : medium_.roots()) open.push_back(root.get());
@@ -281,6 +282,11 @@ void ErrorOverBand::where_it_fails(Small small, double tolerance, Measure measur
     stop_if_interrupted();
     Node& node = *open.back();
     open.pop_back();
+    if (tell) {
+      const double last = medium_.roots().back()->interval.last;
+      tell((last - node.interval.last) /
+           (last - medium_.roots().front()->interval.first));
+    }
     const Look seen = look(node, small, tolerance, measure);
     if (seen.worst <= tolerance || medium_.may_be_excluded(node.interval)) continue;
     const bool shown =
@@ -313,12 +319,15 @@ std::vector<double> ErrorOverBand::rounding_spots(double tolerance) {
 }
 
 std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance,
-                                             Measure measure) {
+                                             Measure measure, const Tell& tell) {
   std::optional<double> found;
-  where_it_fails(small, tolerance, measure, [&](double omega, const Node&) {
-    found = omega;
-    return false;
-  });
+  where_it_fails(
+      small, tolerance, measure,
+      [&](double omega, const Node&) {
+        found = omega;
+        return false;
+      },
+      tell);
   return found;
 }
 

@@ -9,6 +9,7 @@
 #include "medium/small_model.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <limits>
 #include <optional>
 
@@ -32,6 +33,9 @@ class ErrorOverBand {
 public:
   /// @param medium  which outlives this.
   ErrorOverBand(MediumOverBand& medium, RelativeTo relative_to);
+
+  /// Takes the share that is done of a long work.
+  using Tell = std::function<void(double)>;
 
   /// What is compared with a tolerance.
   enum class Measure {
@@ -79,8 +83,8 @@ public:
   Unmet unmet(const DenseSystem& small, double tolerance, double share = 1);
 
   /// A frequency where the medium model itself, without its rounding, is not proved to be
-  /// within the tolerance.
-  std::optional<double> weak_spot(double tolerance);
+  /// within the tolerance. @param tell  is told which share of the bands was looked at.
+  std::optional<double> weak_spot(double tolerance, const Tell& tell = {});
   /// Frequencies where it is not with its rounding, in intervals that lie apart: of each about
   /// the worst.
   std::vector<double> rounding_spots(double tolerance);
@@ -130,9 +134,11 @@ private:
   Point point(double omega, Small small, double level, Measure measure = Measure::claim);
   Look look(Node& node, Small small, double level, Measure measure = Measure::claim);
   template <class Visit>
-  void where_it_fails(Small small, double tolerance, Measure measure, const Visit& visit);
+  void where_it_fails(Small small, double tolerance, Measure measure, const Visit& visit,
+                      const Tell& tell = {});
   /// A frequency where the error is not proved to be within the tolerance.
-  std::optional<double> exceeds(Small small, double tolerance, Measure measure);
+  std::optional<double> exceeds(Small small, double tolerance, Measure measure,
+                                const Tell& tell = {});
   double worst_between(Interval interval, double tolerance, Measure measure);
   static void settle(const Look& seen, Supremum& result);
   void visit(double omega, const SmallModel& small, double level, Supremum& result);

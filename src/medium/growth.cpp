@@ -145,8 +145,14 @@ void grow(const CertifyRun& run, CertifyState& state) {
     // not.
     if (level.serves(target)) {
       // Between the frequencies of the grid; a space that is the whole body has none.
+      Progress progress(run.observer, "proof between frequencies, per cent:", 100);
+      int reached = 0;
+      const auto tell = [&](double share) {
+        const int percent = static_cast<int>(100 * share);
+        if (percent > reached) progress.reach(reached = percent, "");
+      };
       const std::optional<double> weak =
-          space.columns() < run.fom.n ? judge.weak_spot() : std::nullopt;
+          space.columns() < run.fom.n ? judge.weak_spot(tell) : std::nullopt;
       if (!weak) {
         certifier.sharpen_between();
         medium.shortfall.clear();

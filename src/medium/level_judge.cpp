@@ -148,10 +148,13 @@ double LevelJudge::allowed_rounding(const MediumLevel& level) const {
   return level.worst < 1 && work < little_work ? std::min(allowed, little) : allowed;
 }
 
-std::optional<double> LevelJudge::weak_spot() {
+std::optional<double> LevelJudge::weak_spot(const ErrorOverBand::Tell& tell) {
   for (std::size_t k = 0; k < seen_.size(); ++k) {
-    const auto spot =
-        ErrorOverBand(seen(k), medium_.spec.relative_to).weak_spot(medium_.spec.target);
+    const auto told = [&](double share) {
+      tell((static_cast<double>(k) + share) / static_cast<double>(seen_.size()));
+    };
+    const auto spot = ErrorOverBand(seen(k), medium_.spec.relative_to)
+                          .weak_spot(medium_.spec.target, told);
     std::vector<double> shared{spot.value_or(-1.0)};
     share_from_first(fom_.comm, shared);
     if (shared[0] >= 0) return shared[0];

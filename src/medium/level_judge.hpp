@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include "medium/error_over_band.hpp"
 #include "medium/over_band.hpp"
 
 namespace flexgram {
@@ -35,7 +36,7 @@ public:
 
   /// A frequency of the bands where the bound of the level does not meet the target, if there is
   /// one. Collective.
-  std::optional<double> weak_spot();
+  std::optional<double> weak_spot(const ErrorOverBand::Tell& tell);
   /// Frequencies of the bands where its rounding is more than what is allowed. Collective.
   std::vector<double> rounding_spots(double allowed);
   /// Rounding is looked at there too, the error is not.
