@@ -37,6 +37,8 @@ from flexgram.importers.deck_instances import flat
 from flexgram.importers.deck_lines import BEAMS, TRUSSES
 from flexgram.importers.deck_lines import CARDS as LINE_SECTIONS
 from flexgram.importers.deck_loads import in_steps, loads_of
+from flexgram.importers.deck_mass import CARD as NONSTRUCTURAL
+from flexgram.importers.deck_mass import add_nonstructural_mass
 from flexgram.importers.deck_materials import materials_of
 from flexgram.importers.deck_points import CARDS, TYPES, points_of
 from flexgram.importers.deck_sections import (
@@ -75,6 +77,7 @@ READ = {
     "DAMPING",
     "MODAL DAMPING",
     "VISCOELASTIC",
+    NONSTRUCTURAL,
     *CARDS,
     *COUPLINGS,
     *CONSTRAINTS,
@@ -352,6 +355,10 @@ def assemble_deck(
         number_nodes(path, deck, entry)
     turn_materials(job, material_of, materials)
     turn_elements(job, mesh, material_of, abaqus=abaqus)
+    if added := add_nonstructural_mass(job, deck, mesh, material_of, materials, sections):
+        remarks += added
+        used = _used_materials(_used_sections(sections, material_of), material_of)
+        materials = {name: of for name, of in materials.items() if name in used}
     given = {"alpha": alpha, "beta": beta, "eta": eta}
     content: dict[str, Any] = {
         "name": path.stem,
