@@ -127,7 +127,8 @@ class RigidElements:
             self.equations.average(number, element, nodes, weights, averaged)
             if reference not in self.elements.alone:
                 return
-            if set(str(element.refc)) >= set("123456"):
+            held_here = {str(c) for c in held.get(reference, ())}
+            if set(str(element.refc)) | held_here >= set("123456"):
                 self.interfaces[f"rbe3_{number}"] = {
                     "coupling": "node",
                     "nodes": [self.deck.at(reference) + 1],
