@@ -160,7 +160,7 @@ def test_how_modes_move_with_a_modulus_that_relaxes() -> None:
 
 
 def test_laws_that_no_parameter_multiplies() -> None:
-    for law in (E, flexgram.circulatory(), flexgram.coriolis(0, 1)):
+    for law in (E, flexgram.spin(0, 1), flexgram.coriolis(0, 1)):
         with pytest.raises(BodyError, match="a parameter multiplies viscous"):
             flexgram.product(C, law)
     with pytest.raises(BodyError, match="must not be negative"):
