@@ -189,13 +189,13 @@ def couple(
     largest = max(model.claim.supremum for model in models.values())
     top = slice(rigid, np.count_nonzero(fields["modes/omega"] <= 2 * fields["band"][1]))
     joint, lost = _lost_by_springs(parts, held, N @ modes[:, top], squares[top])
+    said = [f"{name}: {w}" for name, model in models.items() for w in model.provenance.warnings]
     if joint is not None and lost > max(largest, LOST):
-        warnings.warn(
+        said.append(
             f"the spring {joint.first} = {joint.second} is so stiff that rounding changes H by "
-            f"about {lost:.0e}: a tie (--join {joint.first}={joint.second}) loses nothing",
-            ReductionWarning,
-            stacklevel=2,
+            f"about {lost:.0e}: a tie (--join {joint.first}={joint.second}) loses nothing"
         )
+        warnings.warn(said[-1], ReductionWarning, stacklevel=2)
     worst = float(fields["error/worst"])
     if largest > 0 and 10 * largest < worst < np.inf:
         fields["log/plan"].append(
@@ -211,9 +211,7 @@ def couple(
     fields["log/body"] = " with ".join(
         model.provenance.body or name for name, model in models.items()
     )
-    if said := [
-        f"{name}: {w}" for name, model in models.items() for w in model.provenance.warnings
-    ]:
+    if said:
         fields["log/warnings"] = said
     return ReducedModel(fields, lambda path: _write(fields, Path(path)))
 

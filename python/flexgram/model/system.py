@@ -336,10 +336,8 @@ class System:
     @property
     def is_gyroscopic(self) -> bool:
         """Whether forces are gyroscopic or circulatory: D has a skew part, or a term is one."""
-        if any(isinstance(term.law, (Coriolis, Circulatory)) for term in self.terms) or any(
-            isinstance(term.law, Product) and isinstance(term.law.factor, Circulatory)
-            for term in self.terms
-        ):
+        laws = [getattr(term.law, "factor", term.law) for term in self.terms]  # of products, theirs
+        if any(isinstance(law, (Coriolis, Circulatory)) for law in laws):
             return True
         return bool(abs(self.D - self.D.T).max(initial=0) > 1e-12 * abs(self.D).max(initial=0))
 
