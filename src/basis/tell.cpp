@@ -257,12 +257,11 @@ void tell_rounding(const CutStory& cut, const ReducedModel& rom, Observer& obser
     const OrderSpec& order = cut.request.order;
     if (change >
         std::max({noticeable, cut.sup.worst, order.tolerance ? order.smallest() : 0.0}))
-      observer.warn(text("rounding of K holds the rigid modes a little; they count as "
-                         "exactly rigid. If the "
-                         "stored numbers were meant, H would differ by up to %.1e at the "
-                         "lowest frequencies: "
-                         "let the band ({band_hz}) begin higher",
-                         change));
+      observer.warn(text(
+          "rounding of K holds the rigid modes a little; they count as exactly rigid. "
+          "If the stored numbers were meant, H would differ by up to %.1e at the "
+          "lowest frequencies: let the band ({band_hz}) begin higher",
+          change));
   }
   if (!rom.claim.curve.data_rounding.empty())
     observer.fact(

@@ -282,11 +282,9 @@ void ErrorOverBand::where_it_fails(Small small, double tolerance, Measure measur
     stop_if_interrupted();
     Node& node = *open.back();
     open.pop_back();
-    if (tell) {
-      const double last = medium_.roots().back()->interval.last;
-      tell((last - node.interval.last) /
-           (last - medium_.roots().front()->interval.first));
-    }
+    const Interval all{medium_.roots().front()->interval.first,
+                       medium_.roots().back()->interval.last};
+    if (tell && all.width() > 0) tell((all.last - node.interval.last) / all.width());
     const Look seen = look(node, small, tolerance, measure);
     if (seen.worst <= tolerance || medium_.may_be_excluded(node.interval)) continue;
     const bool shown =
